@@ -1,0 +1,1 @@
+"""The ``pace`` command: one thin module per verb."""

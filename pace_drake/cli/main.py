@@ -1,0 +1,51 @@
+"""The ``pace`` command: groups the verbs and turns user errors into one line and exit code 2."""
+
+import sys
+
+import click
+
+from pace_drake import __version__
+from pace_drake.errors import InputError
+
+
+class _Verbs(click.Group):
+    """Imports a verb only when it is called: ``pace --help`` need not wait for Drake or torch."""
+
+    _modules = ("run", "train", "timeline", "scenarios")
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self._modules)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in self._modules:
+            return None
+        import importlib
+
+        return importlib.import_module(f"pace_drake.cli.{name}").command
+
+
+@click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="pace")
+def pace() -> None:
+    """Proactive robot assistance: simulate, train and evaluate when a robot should go and help."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point. Exits with 0, with 2 for input that cannot be used, with 130 after Ctrl-C."""
+    try:
+        code = pace.main(args=arguments, prog_name="pace", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        print(error.format_message())
+        sys.exit(0)
+    except (click.ClickException, InputError) as error:
+        message = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        print(f"pace: {' '.join(message.split())}", file=sys.stderr)
+        sys.exit(2)
+    except (click.Abort, KeyboardInterrupt):
+        print("pace: interrupted", file=sys.stderr)
+        sys.exit(130)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

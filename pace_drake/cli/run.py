@@ -1,0 +1,251 @@
+"""``pace run``: the collaborative assembly, and who waited for whom."""
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from pace_drake.diagram import Assembly
+    from pace_drake.evaluate.episode import EpisodeResult
+    from pace_drake.policies import Policy
+    from pace_drake.scenario import Scenario
+
+
+@click.command("run", short_help="Run the collaborative assembly and show who waited for whom.")
+@click.argument("scenario", default="ikea_chair")
+@click.option("--policy", help="Policy name or .onnx file; default the scenario's. See 'pace scenarios'.")
+@click.option(
+    "--level",
+    type=click.Choice(["plant", "task"]),
+    default="plant",
+    show_default=True,
+    help="plant: the Panda, tables and cubes are simulated; task: durations only, a second per hundred episodes.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the episodes.")
+@click.option("--episodes", type=click.IntRange(min=1), default=1, show_default=True, help="How many episodes.")
+@click.option("--hand", type=click.Path(), help="Recorded hand (.npz, .csv) played instead of the scenario's people.")
+@click.option("--chart", type=click.Path(), help="Statechart (.scxml) run instead of the scenario's.")
+@click.option("--lambda", "human_idle_weight", type=float, help="Weight of human idle time in the cost, > 0.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@click.option("--out", type=click.Path(path_type=Path), help="Run folder; default runs/<time>-<scenario>-<policy>.")
+@click.option("--meshcat", is_flag=True, help="Show the plant live in a browser, on localhost only.")
+def command(
+    scenario: str,
+    policy: str | None,
+    level: str,
+    seed: int,
+    episodes: int,
+    hand: str | None,
+    chart: str | None,
+    human_idle_weight: float | None,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    meshcat: bool,
+) -> None:
+    """Run SCENARIO (a name or a .yaml file) and show who waited for whom.
+
+    Writes a run folder: scenario.yaml (resolved), events.csv (every reaction, decision and idle interval, written as it
+    goes), summary.json, timeline.png and, at the plant level, replay.html. Times in [s].
+    """
+    from pace_drake.policies.factory import make_policy
+    from pace_drake.scenario import load_scenario
+
+    extra = list(overrides)
+    if hand is not None:
+        extra.append(f"human.demonstrations={json.dumps(hand)}")
+    if chart is not None:
+        extra.append(f"statechart={json.dumps(chart)}")
+    if human_idle_weight is not None:
+        extra.append(f"task.human_idle_weight={human_idle_weight}")
+    if policy is not None:
+        extra.append(f"policy={json.dumps(policy)}")
+    loaded = load_scenario(scenario, tuple(extra))
+    chosen = make_policy(loaded.policy, loaded)
+    _Run(loaded, chosen, level, seed, episodes, out, meshcat).execute()
+
+
+class _Run:
+    """One call of the command."""
+
+    def __init__(
+        self,
+        scenario: "Scenario",
+        policy: "Policy",
+        level: str,
+        seed: int,
+        episodes: int,
+        out: Path | None,
+        show: bool,
+    ) -> None:
+        from rich.console import Console
+
+        self.scenario, self.level, self.seed, self.episodes = scenario, level, seed, episodes
+        self.console = Console()
+        self.assembly, self.meshcat = self._build(policy, show)
+        # Made last, so that bad input leaves nothing behind.
+        self.out = self._make_folder(out)
+
+    def _build(self, policy: "Policy", show: bool) -> tuple["Assembly", object]:
+        from pace_drake.diagram import Assembly
+        from pace_drake.people import load_people
+
+        people = load_people(self.scenario)
+        self.console.print(f"[bold]{self.scenario.name}[/bold]: {people.description}", highlight=False)
+        if self.level == "task":
+            return Assembly(self.scenario, policy, people=people), None
+        from pydrake.geometry import Meshcat, MeshcatParams
+
+        from pace_drake.stations.motions import plan_motions
+        from pace_drake.stations.plant import make_plant_station
+
+        meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+        if show:
+            self.console.print(f"live view: {meshcat.web_url()}")
+        task = self.scenario.task
+        with self.console.status("planning the robot's motions"):
+            motions = plan_motions(self.scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
+        station = make_plant_station(self.scenario.workcell, meshcat=meshcat)
+        return Assembly(self.scenario, policy, station=station, motions=motions, people=people), meshcat
+
+    def _make_folder(self, out: Path | None) -> Path:
+        from pace_drake.errors import InputError
+
+        if out is None:
+            stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+            stem = Path("runs") / f"{stamp}-{self.scenario.name}-{Path(self.scenario.policy).stem}"
+            out, again = stem, 1
+            while out.exists():
+                out, again = stem.with_name(f"{stem.name}-{again}"), again + 1
+        try:
+            if out.exists() and (not out.is_dir() or any(out.iterdir())):
+                raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{out}: cannot make the run folder: {error.strerror}") from error
+        return out
+
+    def execute(self) -> None:
+        """Runs the episodes and writes everything."""
+        import numpy as np
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+
+        from pace_drake.evaluate.episode import run_episode
+        from pace_drake.evaluate.event_log import EventLog
+        from pace_drake.files import write_whole
+        from pace_drake.simulation import Simulation
+
+        scenario = self.scenario
+        write_whole(self.out / "scenario.yaml", lambda part: part.write_text(scenario.to_yaml(), encoding="utf-8"))
+        simulation = Simulation(self.assembly)
+        results: list[EpisodeResult] = []
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("simulated {task.fields[simulated]:7.1f} s"),
+        )
+        total = self.episodes if self.episodes > 1 else scenario.task.num_human_actions
+        unit = "episodes" if self.episodes > 1 else "human actions"
+        with (
+            EventLog(self.out / "events.csv") as log,
+            Progress(*columns, console=self.console) as bar,
+        ):
+            item = bar.add_task(f"{self.level} level, {unit}", total=total, simulated=0.0)
+            for number in range(self.episodes):
+                recording = number == 0 and self.meshcat is not None
+                if recording:
+                    self.meshcat.StartRecording(frames_per_second=16, set_visualizations_while_recording=True)  # type: ignore[attr-defined]
+
+                def write(time: float, kind: str, episode: int = number, **values) -> None:
+                    log.write(episode, time, kind, **values)
+
+                def show(time: float, number: int = number) -> None:
+                    action = int(simulation.output("human_action")[0]) - 1
+                    bar.update(item, completed=number if self.episodes > 1 else action, simulated=time)
+
+                episode = simulation.sample_episode(np.random.default_rng([self.seed, number]))
+                results.append(run_episode(simulation, episode, write, progress=show, sample_phase=number == 0))
+                if recording:
+                    self._write_replay()
+            bar.update(item, completed=total)
+        self._write_summary(results)
+        self._draw()
+        self._print_table(results)
+
+    def _write_replay(self) -> None:
+        from pace_drake.files import write_whole
+
+        meshcat = self.meshcat
+        meshcat.StopRecording()  # type: ignore[attr-defined]
+        meshcat.PublishRecording()  # type: ignore[attr-defined]
+        html = meshcat.StaticHtml()  # type: ignore[attr-defined]
+        write_whole(self.out / "replay.html", lambda part: part.write_text(html, encoding="utf-8"))
+
+    def _write_summary(self, results: "list[EpisodeResult]") -> None:
+        from pace_drake import __version__
+        from pace_drake.evaluate.episode import mean_result
+        from pace_drake.files import write_whole
+
+        summary = {
+            "pace_drake": __version__,
+            "scenario": self.scenario.name,
+            "people": self.assembly.people.description,
+            "policy": self.scenario.policy,
+            "level": self.level,
+            "seed": self.seed,
+            "human_idle_weight": self.scenario.task.human_idle_weight,
+            "episodes": [result.to_json() for result in results],
+            "mean": mean_result(results),
+        }
+        text = json.dumps(summary, indent=1) + "\n"
+        write_whole(self.out / "summary.json", lambda part: part.write_text(text, encoding="utf-8"))
+
+    def _draw(self) -> None:
+        from pace_drake.evaluate.timeline import draw_timeline, read_events
+        from pace_drake.files import write_whole
+
+        events = read_events(self.out / "events.csv", 0)
+        title = (
+            f"{self.scenario.name}, policy {self.scenario.policy}, {self.level} level, seed {self.seed}: "
+            f"{self.assembly.people.description}"
+        )
+        write_whole(
+            self.out / "timeline.png",
+            lambda part: draw_timeline(events, self.scenario.task, title, part),
+        )
+
+    def _print_table(self, results: "list[EpisodeResult]") -> None:
+        from rich.table import Table
+
+        from pace_drake.evaluate.episode import mean_result
+
+        mean = mean_result(results)
+        task = self.scenario.task
+        what = r"idle time \[s]" if self.episodes == 1 else rf"mean idle time over {self.episodes} episodes \[s]"
+        table = Table("joint action", "robot waited", "human waited", title=f"{what}, policy {self.scenario.policy}")
+        for column in table.columns[1:]:
+            column.justify = "right"
+        for k, human_index in enumerate(task.human_index_of_joint):
+            key = str(k + 1)
+            name = f"{key} {task.human_actions[human_index - 1].name}"
+            table.add_row(name, f"{mean['robot_idle'][key]:.2f}", f"{mean['human_idle'][key]:.2f}")
+        table.add_section()
+        table.add_row("total", f"{mean['robot_idle']['total']:.2f}", f"{mean['human_idle']['total']:.2f}")
+        self.console.print(table)
+        rmse = mean["phase_rmse"]
+        self.console.print(
+            f"cost (lambda = {task.human_idle_weight:g}): [bold]{mean['cost']:.2f} s[/bold]; "
+            f"{mean['decisions']:.1f} decisions; {mean['duration']:.1f} s simulated at a real-time factor of "
+            f"{mean['real_time_factor']:.1f}" + (f"; phase error at decisions {rmse:.3f} rms" if rmse else ""),
+            highlight=False,
+        )
+        if not mean["finished"]:
+            count = sum(not r.finished for r in results)
+            self.console.print(
+                f"{count} of {self.episodes} episodes truncated after {self.scenario.max_decisions} decisions"
+            )
+        self.console.print(f"run folder: {self.out}", highlight=False, soft_wrap=True)

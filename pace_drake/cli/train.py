@@ -1,0 +1,106 @@
+"""``pace train``: learns when to assist."""
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from stable_baselines3 import PPO
+
+    from pace_drake.learning.ppo import PPOSettings
+    from pace_drake.scenario import Scenario
+
+
+@click.command("train", short_help="Train a policy with PPO through the diagram.")
+@click.argument("scenario", default="ikea_chair")
+@click.option("--steps", type=click.IntRange(min=1), default=20_000, show_default=True, help="Decisions to train on.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
+@click.option(
+    "--episodes",
+    type=click.IntRange(min=1),
+    default=100,
+    show_default=True,
+    help="Episodes of the final evaluation.",
+)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Policy file; default policy-<scenario>-<seed>.onnx. A card (.json) goes beside it.",
+)
+def command(scenario: str, steps: int, seed: int, episodes: int, overrides: tuple[str, ...], out: Path | None) -> None:
+    """Train a policy for SCENARIO on its people's training trials, and write it as ONNX.
+
+    The policy is evaluated on the scenario's own split (validation trials) at the end.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from pace_drake.errors import InputError
+    from pace_drake.scenario import load_scenario
+
+    try:
+        from pace_drake.learning.ppo import PPOSettings, train_ppo
+    except ModuleNotFoundError as error:
+        raise InputError(f"training needs {error.name}: install it with pip install 'pace_drake[train]'") from error
+    path = out or Path(f"policy-{Path(scenario).stem}-{seed}.onnx")
+    if path.suffix != ".onnx":
+        raise InputError(f"{path}: a policy file must end in .onnx")
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent}: no such folder for the policy")
+    loaded = load_scenario(scenario, overrides)
+    settings = PPOSettings(steps=steps, seed=seed)
+    console = Console()
+    columns = (TextColumn("PPO, decisions"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        rollout = settings.num_envs * settings.rollout
+        item = bar.add_task("", total=-(-steps // rollout) * rollout)
+        model = train_ppo(loaded, settings, lambda done: bar.update(item, completed=done))
+    _finish(model, loaded, settings, path, episodes, console)
+
+
+def _finish(
+    model: "PPO",
+    scenario: "Scenario",
+    settings: "PPOSettings",
+    path: Path,
+    episodes: int,
+    console: "Console",
+) -> None:
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from pace_drake.diagram import Assembly
+    from pace_drake.evaluate.episode import mean_result, run_episode
+    from pace_drake.learning.export import export_policy
+    from pace_drake.policies.factory import make_policy
+    from pace_drake.simulation import Simulation
+
+    packages = ("pace_drake", "drake", "stable-baselines3", "torch", "onnx")
+    card = {
+        "settings": asdict(settings),
+        "decisions": model.num_timesteps,
+        "versions": {name: version(name) for name in packages},
+    }
+    export_policy(model, scenario, path, card)
+    simulation = Simulation(Assembly(scenario, make_policy(str(path), scenario)))
+    rng = [np.random.default_rng([10_000 + settings.seed, k]) for k in range(episodes)]
+    mean = mean_result([run_episode(simulation, simulation.sample_episode(r)) for r in rng])
+    score = {
+        "episodes": episodes,
+        "split": scenario.human.split,
+        "people": simulation.assembly.people.description,
+    }
+    score |= {key: mean[key] for key in ("cost", "robot_idle", "human_idle", "decisions", "phase_rmse")}
+    export_policy(model, scenario, path, {**card, "score": score})
+    console.print(
+        f"mean cost over {episodes} episodes ({scenario.human.split} trials): [bold]{mean['cost']:.2f} s[/bold] "
+        f"(robot idle {mean['robot_idle']['total']:.2f} s, human idle {mean['human_idle']['total']:.2f} s)",
+        highlight=False,
+    )
+    console.print(f"policy: {path}, card: {path.with_suffix('.json')}", highlight=False, soft_wrap=True)
+    console.print(f"run it with: pace run {scenario.name} --policy {path}", highlight=False, soft_wrap=True)

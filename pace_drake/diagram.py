@@ -1,0 +1,178 @@
+"""The only wiring: human, estimator, policy, statechart, robot action, idle meter and a station, as one Diagram."""
+
+from typing import TYPE_CHECKING
+
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+
+from pace_drake.errors import InputError
+from pace_drake.people import People, load_people
+from pace_drake.policies import Policy
+from pace_drake.scenario import Scenario
+from pace_drake.statechart import compile_chart, load_chart
+from pace_drake.systems.decision import Decision
+from pace_drake.systems.human import Human
+from pace_drake.systems.idle_meter import IdleMeter
+from pace_drake.systems.observation import OBSERVATION, Observation
+from pace_drake.systems.phase_estimator import PhaseEstimator
+from pace_drake.systems.robot_action import Motions, RobotAction
+from pace_drake.systems.task_statechart import TaskStatechart
+from pace_drake.task import Episode
+
+if TYPE_CHECKING:
+    pass
+
+#: Operator inputs of the chart that the diagram exports; unconnected they have the chart's defaults.
+OPERATOR_INPUTS = ("start", "stop", "fault", "ack")
+
+
+class Assembly(Diagram):
+    """The collaborative assembly.
+
+    Exported inputs:
+        assist (1): the decision; only without a policy.
+        start, stop, fault, ack (1 each): the operator's; they may stay unconnected.
+
+    Exported outputs:
+        mode, robot_task, joint_action, robot_action, decision_pending, finished (task_statechart);
+        p_WH, human_action, human_elapsed, human_waiting (human); phase; observation;
+        robot_idle, human_idle, cost (idle_meter); those of the station.
+
+    Attributes:
+        scenario: what it was built from.
+        people: the demonstrations in it.
+        human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems.
+        decision: the policy's system; None if the decision is an exported input.
+        station: the plant or the hardware; None at the task level.
+        reaction_period: [s] or None; see below.
+        reactive: the systems that update at an event, in the order in which they do, so that a command is taken at
+            the very instant at which it was given.
+
+    Args:
+        scenario: a validated scenario.
+        policy: answers the decisions; None exports the input ``assist`` for an adapter.
+        station: a Diagram with the station ports (docs/design.md), or None for the task level.
+        motions: planned motions; needed with a station.
+        people: None loads those of the scenario.
+        reaction_period: None: events at exact times, advanced by ``pace_drake.simulation.Simulation``; a period [s]:
+            the logic updates periodically, for any Simulator and for hardware.
+
+    Raises:
+        InputError: the chart or the people of the scenario cannot be used.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        policy: Policy | None = None,
+        *,
+        station: Diagram | None = None,
+        motions: Motions | None = None,
+        people: People | None = None,
+        reaction_period: float | None = None,
+    ) -> None:
+        super().__init__()
+        if (station is None) != (motions is None):
+            raise InputError("a station needs planned motions, and motions need a station")
+        task = scenario.task
+        self.scenario = scenario
+        self.people = people or load_people(scenario)
+        compiled = compile_chart(load_chart(scenario.chart_path()))
+        parameters = {
+            "M": task.num_robot_tasks,
+            "L": task.num_joint_actions,
+            "D0": float(scenario.decide_at_start),
+            "Tdec": scenario.decision_timeout,
+            "Twait": scenario.wait_timeout,
+        }
+        known = compiled.chart.parameters
+        builder = DiagramBuilder()
+
+        def add(system):
+            return builder.AddSystem(system)
+
+        period = scenario.human.sample_period
+        self.human: Human = add(Human(task, self.people.demonstrations, period, reaction_period))
+        self.phase_estimator: PhaseEstimator = add(PhaseEstimator(self.people.kernels(scenario), period))
+        self.observation: Observation = add(Observation())
+        self.task_statechart: TaskStatechart = add(
+            TaskStatechart(
+                compiled,
+                compiled.parameters(**{name: value for name, value in parameters.items() if name in known}),
+                # A first decision at t = 0 sees the last robot task as done (docs/departures.md).
+                compiled.initial_state(i=task.num_robot_tasks if scenario.decide_at_start else 1),
+                reaction_period,
+            )
+        )
+        self.robot_action: RobotAction = add(RobotAction(task, motions, reaction_period=reaction_period))
+        self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
+        self.decision: Decision | None = None
+        self.station = station
+        self.reaction_period = reaction_period
+        self.reactive: tuple[LeafSystem, ...] = (
+            self.task_statechart,
+            self.robot_action,
+            self.human,
+            self.idle_meter,
+        )
+
+        def connect(source: LeafSystem, output: str, target: LeafSystem, input: str) -> None:
+            if target.HasInputPort(input):
+                builder.Connect(source.GetOutputPort(output), target.GetInputPort(input))
+
+        connect(self.human, "p_WH_sampled", self.phase_estimator, "p_WH")
+        connect(self.human, "human_action", self.phase_estimator, "human_action")
+        connect(self.task_statechart, "robot_task", self.observation, "robot_task")
+        connect(self.human, "human_action", self.observation, "human_action")
+        connect(self.human, "human_elapsed", self.observation, "human_elapsed")
+        connect(self.phase_estimator, "phase", self.observation, "phase")
+        connect(self.robot_action, "motion_done", self.task_statechart, "done")
+        connect(self.robot_action, "robot_busy", self.task_statechart, "rb")
+        connect(self.human, "human_joint", self.task_statechart, "hj")
+        connect(self.human, "joints_done", self.task_statechart, "nj")
+        connect(self.task_statechart, "robot_action", self.robot_action, "robot_action")
+        connect(self.task_statechart, "joint_ready", self.human, "joint_ready")
+        for name, source in (
+            ("robot_waiting", self.task_statechart),
+            ("human_waiting", self.human),
+            ("human_joint", self.human),
+        ):
+            connect(source, name, self.idle_meter, name)
+        if policy is not None:
+            self.decision = add(Decision(policy))
+            connect(self.observation, "observation", self.decision, "observation")
+            connect(self.decision, "assist", self.task_statechart, "assist")
+        else:
+            builder.ExportInput(self.task_statechart.GetInputPort("assist"), "assist")
+        for name in OPERATOR_INPUTS:
+            if self.task_statechart.HasInputPort(name):
+                builder.ExportInput(self.task_statechart.GetInputPort(name), name)
+        if station is not None:
+            builder.AddSystem(station)
+            connect(self.robot_action, "position", station, "panda.position")
+            connect(self.robot_action, "gripper_position", station, "gripper.position")
+            connect(self.human, "p_WH", station, "p_WH")
+            connect(station, "panda.position_measured", self.robot_action, "position_measured")
+            for k in range(station.num_output_ports()):
+                builder.ExportOutput(station.get_output_port(k), station.get_output_port(k).get_name())
+        for source, names in (
+            (
+                self.task_statechart,
+                ("mode", "robot_task", "joint_action", "robot_action", "decision_pending", "finished"),
+            ),
+            (self.human, ("p_WH", "human_action", "human_elapsed", "human_waiting")),
+            (self.phase_estimator, ("phase",)),
+            (self.observation, ("observation",)),
+            (self.idle_meter, ("robot_idle", "human_idle", "cost")),
+        ):
+            for name in names:
+                builder.ExportOutput(source.GetOutputPort(name), name)
+        builder.BuildInto(self)
+        self.set_name("assembly")
+
+    def set_episode(self, context: Context, episode: Episode) -> None:
+        """Puts everything random of one episode into the diagram's context, and the chart's rest state."""
+        self.human.set_episode(self.human.GetMyMutableContextFromRoot(context), episode)
+        self.robot_action.set_episode(self.robot_action.GetMyMutableContextFromRoot(context), episode)
+
+
+__all__ = ["OBSERVATION", "OPERATOR_INPUTS", "Assembly"]

@@ -1,0 +1,1 @@
+"""Gymnasium adapters; ``import pace_drake`` registers them."""

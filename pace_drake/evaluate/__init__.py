@@ -1,0 +1,1 @@
+"""What a run was like: events, idle times, cost, pictures."""

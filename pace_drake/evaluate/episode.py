@@ -1,0 +1,122 @@
+"""Running one episode and saying what it cost."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from time import perf_counter
+
+import numpy as np
+
+from pace_drake.evaluate.event_log import EventRecorder
+from pace_drake.simulation import Simulation, Stop
+from pace_drake.task import Episode
+
+#: [s] between samples of the phase for the timeline, and between looks at the progress.
+SAMPLE_PERIOD = 0.5
+
+
+@dataclass(frozen=True)
+class EpisodeResult:
+    """What one episode was like.
+
+    Attributes:
+        robot_idle, human_idle: (L,) [s] per joint action.
+        cost: [s] robot idle + lambda * human idle (Eq. 1).
+        decisions: how many were asked for.
+        finished: False if truncated.
+        duration: [s] simulated.
+        real_time_factor: simulated over wall time.
+        phase_rmse: root mean square error of the phase at the decisions made during non-joint actions, against the
+            true linear progress; None if there were none.
+    """
+
+    robot_idle: tuple[float, ...]
+    human_idle: tuple[float, ...]
+    cost: float
+    decisions: int
+    finished: bool
+    duration: float
+    real_time_factor: float
+    phase_rmse: float | None
+
+    def to_json(self) -> dict:
+        """Idle times keyed by the 1-based joint action, and their total."""
+        content = asdict(self)
+        for agent in ("robot_idle", "human_idle"):
+            values = content[agent]
+            content[agent] = {**{str(k + 1): v for k, v in enumerate(values)}, "total": sum(values)}
+        return content
+
+
+def run_episode(
+    simulation: Simulation,
+    episode: Episode,
+    write: Callable[..., None] = lambda *_, **__: None,
+    *,
+    progress: Callable[[float], None] = lambda _time: None,
+    sample_phase: bool = False,
+) -> EpisodeResult:
+    """Runs one episode with the policy inside the diagram.
+
+    Args:
+        simulation: its listeners are replaced for the run.
+        episode: what was drawn.
+        write: takes the events, ``write(time, kind, **values)``.
+        progress: called with the simulated time [s].
+        sample_phase: also write the phase every ``SAMPLE_PERIOD``.
+    """
+    scenario = simulation.assembly.scenario
+    joint = set(scenario.task.human_index_of_joint)
+    errors: list[float] = []
+
+    def observe_and_write(time: float, kind: str, **values) -> None:
+        if kind == "decision" and values["human_action"] not in joint:
+            errors.append(values["phase"] - values["progress"])
+        write(time, kind, **values)
+
+    simulation.listeners = (EventRecorder(observe_and_write),)
+    human = simulation.assembly.human
+    human_context = human.GetMyContextFromRoot(simulation.context)
+    start = perf_counter()
+    simulation.reset(episode)
+    write(0.0, "episode", name="start")
+    stop = Stop.BOUNDARY
+    while stop != Stop.FINISHED and simulation.num_decisions <= scenario.max_decisions:
+        stop = simulation.advance(simulation.time + SAMPLE_PERIOD)
+        if sample_phase and stop == Stop.BOUNDARY:
+            write(
+                simulation.time,
+                "phase",
+                human_action=int(simulation.output("human_action")[0]),
+                phase=simulation.output("phase")[0],
+                progress=human.progress(human_context),
+            )
+        progress(simulation.time)
+    wall = perf_counter() - start
+    finished = stop == Stop.FINISHED
+    write(simulation.time, "episode", name="finished" if finished else "truncated")
+    return EpisodeResult(
+        robot_idle=tuple(simulation.output("robot_idle").tolist()),
+        human_idle=tuple(simulation.output("human_idle").tolist()),
+        cost=float(simulation.output("cost")[0]),
+        decisions=simulation.num_decisions,
+        finished=finished,
+        duration=simulation.time,
+        real_time_factor=simulation.time / wall,
+        phase_rmse=float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
+    )
+
+
+def mean_result(results: list[EpisodeResult]) -> dict:
+    """Means over episodes, in the layout of ``EpisodeResult.to_json``."""
+    rmse = [r.phase_rmse**2 for r in results if r.phase_rmse is not None]
+    mean = EpisodeResult(
+        robot_idle=tuple(np.mean([r.robot_idle for r in results], axis=0).tolist()),
+        human_idle=tuple(np.mean([r.human_idle for r in results], axis=0).tolist()),
+        cost=float(np.mean([r.cost for r in results])),
+        decisions=0,
+        finished=all(r.finished for r in results),
+        duration=float(np.mean([r.duration for r in results])),
+        real_time_factor=sum(r.duration for r in results) / sum(r.duration / r.real_time_factor for r in results),
+        phase_rmse=float(np.sqrt(np.mean(rmse))) if rmse else None,
+    ).to_json()
+    return {**mean, "decisions": float(np.mean([r.decisions for r in results]))}

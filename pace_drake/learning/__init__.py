@@ -1,0 +1,1 @@
+"""Training policies with PPO (extra ``train``: stable-baselines3, torch, onnx). Imported only when one trains."""

@@ -1,0 +1,87 @@
+"""PPO (Schulman et al. 2017) through the Drake adapter, with settings that need few decisions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import gymnasium as gym
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from pace_drake.envs.assembly_env import PaceAssemblyEnv
+from pace_drake.learning.features import AssemblyFeatures
+from pace_drake.scenario import Scenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOSettings:
+    """Settings that came within 2 % of the best in about 15,000 decisions (docs/learning.md)."""
+
+    steps: int = 20_000
+    """Decisions to train on."""
+    seed: int = 0
+    num_envs: int = 8
+    rollout: int = 128
+    """Decisions per environment between updates."""
+    batch_size: int = 256
+    epochs: int = 20
+    learning_rate: float = 3e-3
+    """At the start; falls linearly to 0."""
+    hidden: int = 32
+    """Units in each of the two hidden layers."""
+    gae_lambda: float = 0.8
+    entropy: float = 0.005
+    reward_scale: float = 0.1
+    """Idle seconds are tens; value targets near 1 train faster."""
+
+
+class _Progress(BaseCallback):
+    def __init__(self, report: Callable[[int], None]) -> None:
+        super().__init__()
+        self._report = report
+
+    def _on_step(self) -> bool:
+        self._report(self.num_timesteps)
+        return True
+
+
+def train_ppo(
+    scenario: Scenario,
+    settings: PPOSettings,
+    progress: Callable[[int], None] = lambda _steps: None,
+) -> PPO:
+    """Trains a policy.
+
+    Durations of steps vary, so rewards are not discounted (gamma = 1): the return is minus the cost.
+
+    Args:
+        scenario: the train split of its people is used.
+        settings: all random numbers follow from ``settings.seed``.
+        progress: called with the number of decisions so far.
+    """
+    torch.set_num_threads(1)  # networks this small lose time to a second thread
+
+    def make() -> gym.Env:
+        env = PaceAssemblyEnv(scenario, split="train")
+        return gym.wrappers.TransformReward(env, lambda reward: settings.reward_scale * float(reward))
+
+    model = PPO(
+        "MlpPolicy",
+        DummyVecEnv([make] * settings.num_envs),
+        learning_rate=lambda remaining: settings.learning_rate * remaining,
+        n_steps=settings.rollout,
+        batch_size=settings.batch_size,
+        n_epochs=settings.epochs,
+        gamma=1.0,
+        gae_lambda=settings.gae_lambda,
+        ent_coef=settings.entropy,
+        policy_kwargs={
+            "features_extractor_class": AssemblyFeatures,
+            "features_extractor_kwargs": {"task": scenario.task},
+            "net_arch": [settings.hidden, settings.hidden],
+        },
+        seed=settings.seed,
+        device="cpu",
+    )
+    return model.learn(settings.steps, callback=_Progress(progress))

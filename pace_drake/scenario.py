@@ -1,0 +1,203 @@
+"""A scenario: everything a run needs, in one typed file (Drake's ``yaml_load_typed``)."""
+
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from pathlib import Path
+
+import yaml
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+
+from pace_drake.errors import InputError
+from pace_drake.resources import resource_path
+from pace_drake.stations.lcm_config import LcmConfig
+from pace_drake.stations.workcell import Workcell
+from pace_drake.task import Task
+
+SYNTHETIC = "synthetic"
+SPLITS = ("train", "validation", "all")
+
+
+@dataclass(kw_only=True)
+class EstimatorConfig:
+    """How the phase of one human action is estimated."""
+
+    distance: str = "wp"
+    """``wp`` (Windowed-Pearson, Eq. 3), ``euclidean`` or ``sqeuclidean``."""
+    gamma: float = 0.0
+    """[cost] smoothing of the minimum (Algorithm 1, line 5); 0 is the hard minimum."""
+    window: float = 1.0
+    """[s] window of the Windowed-Pearson distance; at least two samples."""
+
+
+@dataclass(kw_only=True)
+class HumanConfig:
+    """Whose hands are seen."""
+
+    demonstrations: str = SYNTHETIC
+    """``synthetic`` (the seeded generator), or a file (.npz, .csv) of recorded demonstrations."""
+    seed: int = 2025
+    """Seed of the synthetic demonstrations."""
+    split: str = "validation"
+    """Which synthetic trials are played: ``train``, ``validation`` (the last trial of each subject) or ``all``."""
+    sample_period: float = 0.1
+    """[s] of the hand tracker (the paper: 10 Hz)."""
+
+
+@dataclass(kw_only=True)
+class Scenario:
+    """A task, the people in it, the estimator, the chart, the policies and the workcell."""
+
+    name: str = "unnamed"
+    description: str = ""
+    task: Task = field(default_factory=Task)
+    human: HumanConfig = field(default_factory=HumanConfig)
+    estimator: dict[str, EstimatorConfig] = field(default_factory=dict)
+    """Per non-joint human action, by name; the default estimator where none is given."""
+    statechart: str = "pace_task"
+    """Name of a chart in statecharts/, or a file ending in .scxml."""
+    decide_at_start: bool = True
+    """Decide at t = 0 with the last robot task done (docs/departures.md); else start with robot task 1 as in Fig. 2."""
+    decision_timeout: float = 1.0
+    """[s] after which a decision without an answer counts as 0."""
+    wait_timeout: float = 1e9
+    """[s] for which the prepared robot waits for the person; the paper: for ever."""
+    max_decisions: int = 200
+    """An episode with more decisions is truncated."""
+    policy: str = "learned"
+    """What answers the decisions; see ``pace run --help``."""
+    elapsed_threshold: dict[str, float] = field(default_factory=dict)
+    """[s] per human action, by name; an action without one is never interrupted for assistance."""
+    phase_threshold: dict[str, float] = field(default_factory=dict)
+    """[-] likewise."""
+    learned_policy: str = ""
+    """ONNX file: shipped with the project, or relative to the working directory."""
+    workcell: Workcell = field(default_factory=Workcell)
+    lcm: LcmConfig = field(default_factory=LcmConfig)
+
+    def validate(self) -> None:
+        """Raises InputError that names the field if the scenario cannot be used."""
+        self.task.validate()
+        names = [action.name for action in self.task.human_actions if not action.joint]
+        for group in ("estimator", "elapsed_threshold", "phase_threshold"):
+            for name in getattr(self, group):
+                _require(
+                    name in names,
+                    f"{group}.{name}",
+                    f"is not a non-joint human action; those are {', '.join(names)}",
+                )
+        for name, estimator in self.estimator.items():
+            _require(
+                estimator.distance in ("wp", "euclidean", "sqeuclidean"),
+                f"estimator.{name}.distance",
+                f"must be wp, euclidean or sqeuclidean, is {estimator.distance!r}",
+            )
+            _require(0 <= estimator.gamma < inf, f"estimator.{name}.gamma", f"must be >= 0, is {estimator.gamma}")
+            _require(
+                2 * self.human.sample_period <= estimator.window < inf,
+                f"estimator.{name}.window",
+                f"must hold at least 2 samples of {self.human.sample_period} s, is {estimator.window} [s]",
+            )
+        _require(
+            0 < self.human.sample_period < inf,
+            "human.sample_period",
+            f"must be > 0 [s], is {self.human.sample_period}",
+        )
+        _require(
+            self.human.split in SPLITS,
+            "human.split",
+            f"must be one of {', '.join(SPLITS)}, is {self.human.split!r}",
+        )
+        _require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")
+        _require(self.max_decisions > 0, "max_decisions", f"must be > 0, is {self.max_decisions}")
+        for name in ("decision_timeout", "wait_timeout"):
+            value = getattr(self, name)
+            _require(isfinite(value) and value > 0, name, f"must be > 0 [s], is {value}")
+
+    def estimator_of(self, action: str) -> EstimatorConfig:
+        """The estimator of one human action."""
+        return self.estimator.get(action, EstimatorConfig())
+
+    @staticmethod
+    def resolve(path: str) -> Path:
+        """A file that a scenario names: relative to the working directory, or shipped with the project."""
+        if Path(path).exists():
+            return Path(path)
+        try:
+            return resource_path(path)
+        except FileNotFoundError:
+            raise InputError(f"{path}: no such file here or in the installation; check the scenario") from None
+
+    def chart_path(self) -> Path:
+        """The file of the statechart."""
+        is_file = self.statechart.endswith(".scxml")
+        return self.resolve(self.statechart if is_file else f"statecharts/{self.statechart}.scxml")
+
+    def to_yaml(self) -> str:
+        """The resolved scenario; ``load_scenario`` reads it back equal."""
+        return yaml_dump_typed(self, schema=Scenario)
+
+
+def _require(condition: bool, name: str, what: str) -> None:
+    if not condition:
+        raise InputError(f"{name}: {what}")
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that travel with the project."""
+    return sorted(path.stem for path in resource_path("scenarios").glob("*.yaml"))
+
+
+def load_scenario(name: str, overrides: tuple[str, ...] = ()) -> Scenario:
+    """Loads and validates a scenario.
+
+    Args:
+        name: one of ``scenario_names()``, or a file ending in .yaml.
+        overrides: ``key=value`` texts; dots lead into the file, list elements by number, values are YAML, such as
+            ``task.human_actions.0.duration.mean=20``.
+
+    Raises:
+        InputError: no such scenario, a key that does not exist (named), a value that cannot be used (field named).
+    """
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name)
+    elif name in scenario_names():
+        path = resource_path(f"scenarios/{name}.yaml")
+    else:
+        raise InputError(f"unknown scenario {name!r}; known are {', '.join(scenario_names())}, or name a .yaml file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        what = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise InputError(f"{path}: cannot read the scenario: {what}") from error
+    try:
+        content = yaml.safe_load(text)
+        for override in overrides:
+            _override(content, override)
+        scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(content, sort_keys=False), defaults=Scenario())
+        scenario.validate()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except AssertionError as error:  # yaml_load_typed, where it expects a mapping
+        raise InputError(f"{path}: {str(error)[:40]!r} stands where keys and values are expected") from error
+    except (yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError) as error:
+        # yaml_load_typed reports by these types; the first line names the key.
+        first = " ".join(str(error).split())
+        raise InputError(f"{path}: {first}") from error
+    return scenario
+
+
+def _override(content: object, text: str) -> None:
+    key, equals, value = text.partition("=")
+    if not equals or not key:
+        raise InputError(f"cannot set {text!r}; write key=value, such as task.human_idle_weight=3")
+    *parents, last = key.strip().split(".")
+    at = content
+    try:
+        for part in parents:
+            at = at.setdefault(part, {}) if isinstance(at, dict) else at[int(part)]  # type: ignore[index]
+        if isinstance(at, list):
+            at[int(last)] = yaml.safe_load(value)
+        else:
+            at[last] = yaml.safe_load(value)  # type: ignore[index]
+    except (IndexError, ValueError, TypeError, KeyError) as error:
+        raise InputError(f"cannot set {key!r}: the scenario has no such key") from error

@@ -1,0 +1,175 @@
+"""Simulation: advances an Assembly from event to event, each at its exact time."""
+
+from collections.abc import Callable
+from enum import Enum
+from math import inf
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
+
+from pace_drake.diagram import Assembly
+from pace_drake.task import Episode
+
+
+class Stop(Enum):
+    """Why ``Simulation.advance`` came back."""
+
+    DECISION = "decision"
+    FINISHED = "finished"
+    BOUNDARY = "boundary"
+
+
+#: Called as ``listener(simulation, before)`` right before (True) and right after (False) the updates of an event.
+Listener = Callable[["Simulation", bool], None]
+
+
+class Simulation:
+    """Drives Drake's Simulator so that the collaboration reacts at the exact times of its events.
+
+    The human, the robot action and the chart say when something changes next (``next_event_time``); the Simulator
+    advances to the earliest of these and the reactive systems update there, in order. Between events only periodic
+    systems step (hand tracker, plant). This costs one ``AdvanceTo`` per event, where a periodic tick fine enough for
+    the same exactness would cost thousands.
+
+    At an event the inputs of the chart are evaluated before anything updates. ``advance`` stops there if a decision is
+    asked for and the assembly has no policy, so an adapter sees exactly what a policy inside the diagram sees.
+
+    Args:
+        assembly: built with ``reaction_period=None``.
+        listeners: observers, such as an event log; they must not change the context.
+
+    Raises:
+        ValueError: the assembly reacts periodically; any Simulator advances it.
+    """
+
+    def __init__(self, assembly: Assembly, listeners: tuple[Listener, ...] = ()) -> None:
+        if assembly.reaction_period is not None:
+            raise ValueError("Simulation needs an assembly built with reaction_period=None; use Drake's Simulator")
+        self.assembly = assembly
+        self.simulator = Simulator(assembly)
+        self.context: Context = self.simulator.get_mutable_context()
+        self.listeners = listeners
+        self.num_decisions = 0
+        self._external = assembly.decision is None
+        self._reactive = [
+            (system, system.GetMyMutableContextFromRoot(self.context), system.AllocateDiscreteVariables())
+            for system in assembly.reactive
+        ]
+        self._clocks = [
+            (system.GetOutputPort("next_event_time"), system.GetMyContextFromRoot(self.context))
+            for system in (assembly.human, assembly.robot_action, assembly.task_statechart)
+        ]
+        chart = assembly.task_statechart
+        self._chart_context = chart.GetMyContextFromRoot(self.context)
+        self._pending_port = chart.GetOutputPort("decision_pending")
+        self._finished_port = chart.GetOutputPort("finished")
+        self._index_port = chart.GetOutputPort("decision_index")
+        self._assist_port = assembly.GetInputPort("assist") if self._external else None
+        self._at_event = True
+        self._asked = False
+
+    @property
+    def time(self) -> float:
+        """[s] simulated."""
+        return self.context.get_time()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last joint action is over and the robot is home."""
+        return bool(self._finished_port.Eval(self._chart_context)[0])
+
+    @property
+    def decision_pending(self) -> bool:
+        """Whether an update now would come to a decision."""
+        return bool(self._pending_port.Eval(self._chart_context)[0])
+
+    def output(self, name: str) -> np.ndarray:
+        """Value of one of the assembly's exported vector outputs."""
+        return self.assembly.GetOutputPort(name).Eval(self.context)
+
+    def sample_episode(self, rng: np.random.Generator) -> Episode:
+        """Draws an episode of the assembly's people and task."""
+        return self.assembly.people.sample(self.assembly.scenario, rng)
+
+    def reset(self, episode: Episode) -> None:
+        """Starts an episode at time 0; nothing of the episode before it is left."""
+        self.assembly.SetDefaultContext(self.context)
+        self.context.SetTime(0.0)
+        self.assembly.set_episode(self.context, episode)
+        if self._assist_port is not None:
+            self._assist_port.FixValue(self.context, -1.0)
+        self.simulator.Initialize()
+        self.num_decisions = 0
+        self._at_event, self._asked = True, False
+
+    def decide(self, assist: int) -> None:
+        """Answers a pending decision; takes effect when ``advance`` goes on."""
+        assert self._assist_port is not None, "the policy inside the diagram decides"
+        self._assist_port.FixValue(self.context, float(assist))
+
+    def next_event_time(self) -> float:
+        """[s] of the next event; inf if nothing will happen by itself."""
+        return min(port.Eval(context)[0] for port, context in self._clocks)
+
+    def interrupt(self) -> None:
+        """Lets the collaboration react now: an input from outside (stop, fault, ack) has changed."""
+        self._at_event = True
+
+    def advance(self, boundary: float = inf) -> Stop:
+        """Advances until a decision must be answered, the episode is finished, or ``boundary`` [s] is reached.
+
+        Called again after DECISION, it first carries the answer out.
+
+        Raises:
+            RuntimeError: nothing will ever happen again, and no boundary was given.
+        """
+        while True:
+            if not self._at_event:
+                if self.finished:
+                    return Stop.FINISHED
+                time = self.next_event_time()
+                if time > boundary:
+                    self.simulator.AdvanceTo(boundary)
+                    return Stop.BOUNDARY
+                if time == inf:
+                    raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
+                self.simulator.AdvanceTo(time)
+                self._at_event = True
+            if self._external and not self._asked and self.decision_pending:
+                self._asked = True
+                return Stop.DECISION
+            self._react()
+
+    def run(self, max_decisions: int | None = None, progress: Callable[[float], None] | None = None) -> bool:
+        """Runs the episode with the policy inside the diagram.
+
+        Args:
+            max_decisions: truncates; None takes the scenario's.
+            progress: called with the simulated time [s] about once per simulated second.
+
+        Returns:
+            True if it finished, False if it was truncated.
+        """
+        limit = self.assembly.scenario.max_decisions if max_decisions is None else max_decisions
+        step = 10.0 if progress is None else 1.0  # [s] between looks at the limit and the progress
+        while self.num_decisions <= limit:
+            stop = self.advance(self.time + step)
+            if progress is not None:
+                progress(self.time)
+            if stop == Stop.FINISHED:
+                return True
+        return False
+
+    def _react(self) -> None:
+        """Updates the reactive systems at the present instant."""
+        for listener in self.listeners:
+            listener(self, True)
+        for system, context, values in self._reactive:
+            values.SetFrom(context.get_discrete_state())
+            system.CalcForcedDiscreteVariableUpdate(context, values)
+            context.SetDiscreteState(values)
+        self.num_decisions = int(self._index_port.Eval(self._chart_context)[0])
+        self._at_event = self._asked = False
+        for listener in self.listeners:
+            listener(self, False)

@@ -1,0 +1,1 @@
+"""What stands at the end of the diagram: nothing (task level), a simulated plant, or the robot over LCM."""

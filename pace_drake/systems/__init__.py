@@ -1,0 +1,1 @@
+"""The systems of the diagram, one LeafSystem a file."""

@@ -1,0 +1,102 @@
+"""PaceAssemblyEnv: what Gymnasium and SB3 expect, and the same traces as the diagram."""
+
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import pace_drake
+from pace_drake.diagram import Assembly
+from pace_drake.policies.factory import make_policy
+from pace_drake.simulation import Simulation
+
+
+@pytest.fixture(scope="module")
+def env():
+    assert pace_drake.__version__
+    return gym.make("PaceAssembly-v0").unwrapped
+
+
+def test_gymnasium_check_without_a_warning(env):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env)
+
+
+def test_stable_baselines_check_without_a_warning(env):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="extra 'train' is not installed")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checker.check_env(env)
+
+
+def rollout(env, seed, policy, limit=200):
+    observation, info = env.reset(seed=seed)
+    rows = [(*observation.tolist(), info["time"])]
+    total = 0.0
+    for _ in range(limit):
+        observation, reward, terminated, truncated, info = env.step(policy(observation))
+        total += reward
+        rows.append((*observation.tolist(), reward, info["time"], info["duration"]))
+        if terminated or truncated:
+            break
+    return rows, total, info, terminated
+
+
+def test_two_resets_with_a_seed_give_the_same_episode_and_the_return_is_minus_the_cost(env):
+    policies = [np.random.default_rng(3) for _ in range(2)]
+    runs = [rollout(env, 42, lambda _o, r=rng: int(r.random() < 0.4)) for rng in policies]
+    assert runs[0][0] == runs[1][0]
+    rows, total, info, terminated = runs[0]
+    assert terminated
+    assert total == pytest.approx(-info["cost"], abs=1e-9)
+    weight = env.scenario.task.human_idle_weight
+    assert info["cost"] == pytest.approx(info["robot_idle"].sum() + weight * info["human_idle"].sum())
+    assert sum(row[-1] for row in rows[1:]) == pytest.approx(info["time"])
+    assert rows != rollout(env, 43, lambda _o: 0)[0]
+
+
+def test_the_adapter_gives_the_trace_of_the_policy_inside_the_diagram(env, chair):
+    """Bit for bit: decision times, observations and idle times."""
+    policy = make_policy("phase_threshold", chair)
+    inside = Simulation(Assembly(chair, policy, people=env.simulation.assembly.people))
+    seen = []
+
+    def listen(simulation, before):
+        if before and simulation.decision_pending:
+            seen.append((*simulation.output("observation").tolist(), simulation.time))
+
+    inside.listeners = (listen,)
+    for seed in range(5):
+        seen.clear()
+        env.reset(seed=seed)
+        episode = inside.sample_episode(np.random.default_rng(np.random.PCG64(np.random.SeedSequence(seed))))
+        env.reset(options={"episode": episode})
+        inside.reset(episode)
+        assert inside.run()
+        observation, info = env.reset(options={"episode": episode})
+        rows = [(*observation.tolist(), info["time"])]
+        terminated = False
+        while not terminated:
+            observation, _, terminated, _, info = env.step(policy.decide(observation.astype(float)))
+            if not terminated:
+                rows.append((*observation.tolist(), info["time"]))
+        assert rows == seen
+        assert np.array_equal(info["robot_idle"], inside.output("robot_idle"))
+        assert np.array_equal(info["human_idle"], inside.output("human_idle"))
+
+
+def test_never_assisting_is_truncated(env):
+    rows, _, _, terminated = rollout(env, 0, lambda _o: 0, limit=1000)
+    assert not terminated
+    assert len(rows) - 1 == env.scenario.max_decisions
+
+
+def test_the_split_is_the_env_s_own(chair):
+    train = gym.make("PaceAssembly-v0", scenario=chair, split="train").unwrapped
+    assert train.scenario.human.split == "train"
+    assert chair.human.split == "validation"  # the caller's scenario is not touched
+    counts = [len(d) for d in train.simulation.assembly.people.demonstrations]
+    assert counts == [15, 0, 15, 0, 15, 0]  # 5 subjects x 3 trials

@@ -1,0 +1,65 @@
+"""LearnedPolicy: the shipped file, its guards, and files that are refused by name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pace_drake.errors import InputError
+from pace_drake.policies.learned import LearnedPolicy
+from pace_drake.task import RobotTask
+
+
+@pytest.fixture(scope="module")
+def path(chair):
+    return chair.resolve(chair.learned_policy)
+
+
+@pytest.fixture(scope="module")
+def policy(chair, path):
+    return LearnedPolicy(path, chair.task)
+
+
+def test_it_assists_late_in_an_action_and_not_at_its_beginning(policy):
+    for action, mean in ((1, 22.0), (3, 18.0), (5, 40.0)):
+        assert policy.decide(np.array([1, action, 0.0, 0.0])) == 0 or action == 3  # 8 s may be left of place_screws
+        assert policy.decide(np.array([1, action, 0.95 * mean, 0.95])) == 1
+
+
+def test_a_person_who_waits_is_always_helped(policy):
+    for action in (2, 4, 6):
+        for elapsed in (0.0, 1e3):
+            assert policy.decide(np.array([1, action, elapsed, 1.0])) == 1
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("element", range(4))
+def test_a_value_that_is_not_finite_never_becomes_an_action(policy, value, element):
+    observation = np.array([1, 2, 5.0, 0.5])
+    observation[element] = value
+    assert policy.decide(observation) == -1
+
+
+def test_files_that_are_refused(tmp_path, chair, path):
+    data = path.read_bytes()
+    cases = {
+        "absent.onnx": (None, "cannot read"),
+        "truncated.onnx": (data[: len(data) // 2], "not a usable ONNX policy"),
+        "empty.onnx": (b"", "not a usable ONNX policy"),
+        "pickle.onnx": (b"\x80\x04\x95\x00\x00.", "not a usable ONNX policy"),
+        "other.onnx": (data.replace(b"pace_drake-policy-1", b"someone-elses-fmt-1"), "not a policy of format"),
+    }
+    for name, (content, message) in cases.items():
+        file = tmp_path / name
+        if content is not None:
+            file.write_bytes(content)
+        with pytest.raises(InputError, match=message) as error:
+            LearnedPolicy(file, chair.task)
+        assert name in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_a_policy_of_another_task_is_refused(chair, path):
+    task = replace(chair.task, robot_tasks=[RobotTask(name="weld")])
+    with pytest.raises(InputError, match="trained for another task"):
+        LearnedPolicy(path, task)

@@ -1,0 +1,48 @@
+"""PhaseEstimator: streaming in the diagram equals the library's batch; cleared when the action changes."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from pace_drake.dtw import OpenEndKernel, phase
+from pace_drake.systems.phase_estimator import PhaseEstimator
+
+
+@pytest.fixture(scope="module")
+def references():
+    rng = np.random.default_rng(0)
+    return [np.cumsum(rng.normal(size=(n, 3)), axis=0) for n in (60, 45)]
+
+
+@pytest.fixture(scope="module")
+def dut(references):
+    first, second = (OpenEndKernel(r, gamma=0.1, distance="wp", window=8) for r in references)
+    return PhaseEstimator([first, None, second], sample_period=0.1)
+
+
+def test_streaming_equals_batch_and_a_new_action_starts_afresh(dut, references):
+    rng = np.random.default_rng(1)
+    simulator = Simulator(dut)
+    context = simulator.get_mutable_context()
+    simulator.Initialize()
+    time = 0.0
+    for action in (1, 3, 1):
+        dut.GetInputPort("human_action").FixValue(context, float(action))
+        reference = references[0 if action == 1 else 1]
+        query = reference[:40] + rng.normal(scale=0.3, size=(40, 3))
+        assert dut.GetOutputPort("phase").Eval(context)[0] == 0.0  # before the action's first sample
+        estimated = []
+        for sample in query:
+            dut.GetInputPort("p_WH").FixValue(context, sample)
+            time += 0.1
+            simulator.AdvanceTo(time - 0.05)
+            estimated.append(dut.GetOutputPort("phase").Eval(context)[0])
+        expected = phase(query, reference, gamma=0.1, distance="wp", window=8)
+        assert np.array_equal(estimated, expected)
+        assert 0 < estimated[-1] < 1
+
+
+def test_without_a_reference_the_phase_is_one(dut):
+    context = dut.CreateDefaultContext()
+    dut.GetInputPort("human_action").FixValue(context, 2.0)
+    assert dut.GetOutputPort("phase").Eval(context)[0] == 1.0

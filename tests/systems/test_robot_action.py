@@ -1,0 +1,139 @@
+"""RobotAction: one motion per sequence number; HOLD freezes, a new number of the same command goes on."""
+
+import numpy as np
+import pytest
+
+from pace_drake.systems.robot_action import RobotAction
+from pace_drake.task import ActionKind, sample_episode
+
+
+class LineMotions:
+    """Straight joint motions; each (kind, index) ends somewhere else."""
+
+    home = np.zeros(7)
+
+    def position(self, kind, index, fraction):
+        return np.full(7, 0.1 * int(kind) + 0.01 * index) * fraction
+
+    def gripper_width(self, kind, index, fraction):
+        return 0.04 * (1 - fraction)
+
+    def minimum_duration(self, kind, index):
+        return 9.0 if kind == ActionKind.PREPARE else 1.0
+
+
+class Bench:
+    def __init__(self, dut, episode):
+        self.dut = dut
+        self.context = dut.CreateDefaultContext()
+        dut.set_episode(self.context, episode)
+
+    def update(self, time, kind, index, sequence):
+        self.context.SetTime(time)
+        self.dut.GetInputPort("robot_action").FixValue(self.context, [float(kind), index, sequence])
+        values = self.dut.AllocateDiscreteVariables()
+        values.SetFrom(self.context.get_discrete_state())
+        self.dut.CalcForcedDiscreteVariableUpdate(self.context, values)
+        self.context.SetDiscreteState(values)
+
+    def out(self, name, time=None):
+        if time is not None:
+            self.context.SetTime(time)
+        value = self.dut.GetOutputPort(name).Eval(self.context)
+        return value[0] if len(value) == 1 else value
+
+
+@pytest.fixture(scope="module")
+def episode(chair):
+    return sample_episode(chair.task, np.random.default_rng(0), [1, 0, 1, 0, 1, 0])
+
+
+@pytest.fixture(scope="module")
+def task_level(chair):
+    return RobotAction(chair.task)
+
+
+@pytest.fixture
+def bench(task_level, episode):
+    return Bench(task_level, episode)
+
+
+def test_a_robot_task_takes_the_time_drawn_for_its_command(bench, episode):
+    bench.update(1.0, ActionKind.ROBOT_TASK, 2, 5)
+    end = 1.0 + episode.robot[4, 1]
+    assert bench.out("next_event_time") == end
+    assert bench.out("motion_done", end - 1e-9) == 0
+    assert bench.out("robot_busy") == 1
+    assert bench.out("motion_done", end) == 5
+    assert bench.out("robot_busy") == 0
+
+
+def test_assistance_takes_the_times_drawn_for_the_joint_action(bench, episode):
+    cases = (
+        (ActionKind.PREPARE, episode.preparation[1]),
+        (ActionKind.JOINT, episode.human[3]),  # the person's pace
+        (ActionKind.HOME, episode.homing[1]),
+        (ActionKind.HOME_ABORTED, episode.homing[1]),
+    )
+    time = 0.0
+    for sequence, (kind, duration) in enumerate(cases, start=1):
+        bench.update(time, kind, 2, sequence)
+        assert bench.out("next_event_time") == time + duration
+        time += duration
+        assert bench.out("motion_done", time) == sequence
+
+
+def test_the_same_sequence_number_is_the_same_command(bench):
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    end = bench.out("next_event_time")
+    bench.update(2.0, ActionKind.ROBOT_TASK, 1, 1)
+    assert bench.out("next_event_time") == end
+    bench.update(end, ActionKind.NONE, 0, 1)
+    bench.update(end + 3.0, ActionKind.ROBOT_TASK, 1, 1)
+    assert bench.out("motion_done", end + 30.0) == 1
+    assert bench.out("next_event_time") == np.inf
+
+
+def test_hold_freezes_and_a_new_number_goes_on_where_it_was(bench, episode):
+    duration = episode.robot[0, 0]
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    bench.update(2.0, ActionKind.HOLD, 0, 1)
+    assert bench.out("robot_busy", 50.0) == 0
+    assert bench.out("motion_done") == 0
+    assert bench.out("motion_progress")[2] == pytest.approx(2.0 / duration)
+    bench.update(50.0, ActionKind.ROBOT_TASK, 1, 2)
+    assert bench.out("motion_progress")[2] == pytest.approx(2.0 / duration)
+    assert bench.out("next_event_time") == pytest.approx(50.0 + duration - 2.0)
+    assert bench.out("motion_done", bench.out("next_event_time")) == 2
+
+
+def test_another_command_after_a_hold_starts_from_its_beginning(bench):
+    bench.update(0.0, ActionKind.PREPARE, 1, 1)
+    bench.update(2.0, ActionKind.HOLD, 0, 1)
+    bench.update(3.0, ActionKind.HOME_ABORTED, 1, 2)
+    assert bench.out("motion_progress")[2] == 0
+
+
+def test_the_same_command_after_it_was_finished_starts_anew(bench):
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    end = bench.out("next_event_time")
+    bench.update(end, ActionKind.ROBOT_TASK, 1, 2)
+    assert bench.out("motion_progress")[2] == 0
+    assert bench.out("motion_done") == 1
+
+
+def test_with_motions_it_is_done_when_the_arm_is_there_and_never_faster_than_the_limits(chair, episode):
+    bench = Bench(RobotAction(chair.task, LineMotions()), episode)
+    measured = bench.dut.GetInputPort("position_measured")
+    measured.FixValue(bench.context, np.zeros(7))
+    assert np.all(bench.out("position", 0.0) == 0)
+    bench.update(0.0, ActionKind.PREPARE, 2, 1)
+    assert episode.preparation[1] < 9.0
+    assert bench.out("next_event_time") == 9.0
+    np.testing.assert_allclose(bench.out("position", 4.5), np.full(7, 0.11))
+    assert bench.out("gripper_position") == pytest.approx(0.02)
+    assert bench.out("motion_done", 9.0) == 0  # its time is over, the arm is not there
+    assert bench.out("robot_busy") == 1
+    assert bench.out("next_event_time") == pytest.approx(9.01)
+    measured.FixValue(bench.context, np.full(7, 0.22 + 0.04))
+    assert bench.out("motion_done") == 1

@@ -1,0 +1,262 @@
+"""The diagram at the task level: exact events, closed forms, repeatability."""
+
+import numpy as np
+import pytest
+
+from pace_drake.diagram import Assembly
+from pace_drake.people import People
+from pace_drake.policies.factory import make_policy
+from pace_drake.scenario import Scenario
+from pace_drake.simulation import Simulation, Stop
+from pace_drake.task import Assistance, Duration, HumanAction, RobotTask, Task
+from tests.naive import naive_episode
+
+
+@pytest.fixture(scope="module")
+def chair_simulation(chair, chair_people):
+    """Decisions come from outside."""
+    return Simulation(Assembly(chair, people=chair_people))
+
+
+def run_with(simulation, episode, decisions):
+    """Runs an episode with given decisions; returns idle times (2, L), decision times, whether it finished."""
+    simulation.reset(episode)
+    times = []
+    while True:
+        stop = simulation.advance()
+        if stop == Stop.FINISHED or len(times) == len(decisions):
+            break
+        assert stop == Stop.DECISION
+        assert simulation.decision_pending
+        times.append(simulation.time)
+        simulation.decide(decisions[len(times) - 1])
+    idle = np.array([simulation.output("robot_idle"), simulation.output("human_idle")])
+    return idle, times, stop == Stop.FINISHED
+
+
+def compare(simulation, num_episodes, seed):
+    task = simulation.assembly.scenario.task
+    limit = 60
+    for k in range(num_episodes):
+        rng = np.random.default_rng([seed, k])
+        episode = simulation.sample_episode(rng)
+        decisions = (rng.random(limit) < rng.random()).astype(int)
+        idle, times, finished = run_with(simulation, episode, decisions)
+        robot, human, expected_times, expected_finished = naive_episode(
+            task, episode, lambda n, d=decisions: d[n], max_decisions=limit
+        )
+        assert finished == expected_finished
+        np.testing.assert_allclose(times, expected_times, rtol=0, atol=1e-9)
+        if finished:
+            np.testing.assert_allclose(idle, [robot, human], rtol=0, atol=1e-9)
+            cost = robot.sum() + task.human_idle_weight * human.sum()
+            assert simulation.output("cost")[0] == pytest.approx(cost, abs=1e-8)
+
+
+@pytest.mark.slow
+def test_idle_times_equal_the_closed_forms_of_the_chair(chair_simulation):
+    """1,000 random episodes with random decisions; see naive_episode and docs/departures.md."""
+    compare(chair_simulation, 1000, seed=1)
+
+
+def random_task(rng) -> Task:
+    def duration(mean):
+        return Duration(mean=mean * rng.uniform(0.3, 2.0), cv=rng.choice([0.0, 0.3]), minimum=0.1)
+
+    actions, joint = [], False
+    for k in range(rng.integers(1, 7)):
+        joint = not joint and rng.random() < 0.6
+        assistance = Assistance(preparation=duration(6), homing=duration(6)) if joint else None
+        actions.append(HumanAction(name=f"h{k}", duration=duration(10), assistance=assistance))
+    if not joint:
+        actions.append(HumanAction(name="last", duration=duration(10), assistance=Assistance()))
+    robot_tasks = [RobotTask(name=f"r{k}", duration=duration(6)) for k in range(rng.integers(1, 5))]
+    return Task(human_actions=actions, robot_tasks=robot_tasks)
+
+
+def test_idle_times_equal_the_closed_forms_of_random_tasks():
+    """Any order of joint actions, several actions between them, a joint action first, one robot task, ..."""
+    for k in range(20):
+        task = random_task(np.random.default_rng(k))
+        n = task.num_human_actions
+        scenario = Scenario(name="random", task=task)
+        scenario.validate()
+        people = People([[] for _ in range(n)], [None] * n, True, "nobody")
+        compare(Simulation(Assembly(scenario, people=people)), 10, seed=k)
+
+
+def test_the_first_decision_is_asked_at_time_zero(chair_simulation):
+    chair_simulation.reset(chair_simulation.sample_episode(np.random.default_rng(0)))
+    assert chair_simulation.advance() == Stop.DECISION
+    assert chair_simulation.time == 0.0
+    assert list(chair_simulation.output("observation")) == [4, 1, 0, 0]
+
+
+def test_an_unanswered_decision_times_out_and_the_robot_goes_on(chair_simulation):
+    chair_simulation.reset(chair_simulation.sample_episode(np.random.default_rng(0)))
+    assert chair_simulation.advance() == Stop.DECISION
+    chair_simulation.decide(-1)
+    assert chair_simulation.advance(boundary=0.5) == Stop.BOUNDARY
+    assert chair_simulation.output("mode")[0] == 2  # DECIDE
+    assert chair_simulation.advance(boundary=1.5) == Stop.DECISION or chair_simulation.time == 1.5
+    chair_simulation.decide(-1)
+    chair_simulation.advance(boundary=1.5)
+    assert chair_simulation.output("mode")[0] == 1  # ROBOT_TASK
+    assert chair_simulation.output("robot_task")[0] == 1
+
+
+def test_a_boundary_between_events_is_kept_exactly_and_changes_nothing(chair_simulation):
+    episode = chair_simulation.sample_episode(np.random.default_rng(3))
+    decisions = [0, 0, 1, 0, 1] + [0, 0, 1] * 10
+    idle, times, finished = run_with(chair_simulation, episode, decisions)
+    assert finished
+    chair_simulation.reset(episode)
+    seen = []
+    boundary = 0.0
+    while True:
+        boundary += 0.37
+        stop = chair_simulation.advance(boundary)
+        if stop == Stop.BOUNDARY:
+            assert chair_simulation.time == boundary
+        elif stop == Stop.DECISION:
+            seen.append(chair_simulation.time)
+            chair_simulation.decide(decisions[len(seen) - 1])
+        else:
+            break
+    assert seen == times
+    assert np.array_equal(idle[0], chair_simulation.output("robot_idle"))
+
+
+class Trace:
+    """A listener that keeps everything the statechart and the policy see."""
+
+    def __init__(self):
+        self.rows = []
+
+    def __call__(self, simulation, before):
+        chart = simulation.assembly.task_statechart
+        context = chart.GetMyContextFromRoot(simulation.context)
+        self.rows.append(
+            (
+                before,
+                simulation.time,
+                *context.get_discrete_state_vector().value(),
+                *simulation.output("observation"),
+                *simulation.output("robot_idle"),
+                *simulation.output("human_idle"),
+            )
+        )
+
+
+def test_same_seed_same_trace_and_policy_inside_equals_adapter(chair, chair_people, chair_simulation):
+    policy = make_policy("phase_threshold", chair)
+    inside = Simulation(Assembly(chair, policy, people=chair_people))
+    traces = []
+    for simulation in (inside, inside, chair_simulation, chair_simulation):
+        trace = Trace()
+        simulation.listeners = (trace,)
+        for seed in (5, 6):
+            simulation.reset(simulation.sample_episode(np.random.default_rng(seed)))
+            while (stop := simulation.advance(simulation.time + 50.0)) != Stop.FINISHED:
+                if stop == Stop.DECISION:
+                    simulation.decide(policy.decide(simulation.output("observation")))
+        simulation.listeners = ()
+        traces.append(trace.rows)
+    assert len(traces[0]) > 50
+    assert traces[0] == traces[1]  # two resets, same episode
+    assert traces[2] == traces[3]
+    assert traces[0] == traces[2]  # bit for bit
+    assert chair_simulation.num_decisions == inside.num_decisions
+
+
+def test_the_context_holds_everything(chair_simulation):
+    """A copy of the context in the middle of an episode continues bit for bit as the original did."""
+    simulation = chair_simulation
+    simulation.reset(simulation.sample_episode(np.random.default_rng(9)))
+    decisions = iter([0, 0, 1] + [0, 0, 1] * 20)
+    for _ in range(4):
+        simulation.advance()
+        simulation.decide(next(decisions))
+    simulation.advance(simulation.time + 2.0)
+    saved = simulation.context.Clone()
+    rest = list(decisions)
+
+    def finish():
+        times = []
+        for decision in rest:
+            if simulation.advance() == Stop.FINISHED:
+                break
+            times.append(simulation.time)
+            simulation.decide(decision)
+        return times, *simulation.output("robot_idle"), *simulation.output("human_idle")
+
+    first = finish()
+    simulation.context.SetTimeStateAndParametersFrom(saved)
+    simulation.simulator.Initialize()
+    assert finish() == first
+
+
+def test_explicit_query_has_no_robot_idle_and_costs_about_what_the_paper_measured(chair, chair_people):
+    simulation = Simulation(Assembly(chair, make_policy("explicit_query", chair), people=chair_people))
+    costs = []
+    for seed in range(100):
+        simulation.reset(simulation.sample_episode(np.random.default_rng(seed)))
+        assert simulation.run()
+        assert np.all(simulation.output("robot_idle") == 0)
+        costs.append(simulation.output("cost")[0])
+    assert 110 < np.mean(costs) < 130  # notes: 120.4; the paper's people 112.3
+
+
+def test_never_assisting_is_truncated(chair, chair_people):
+    simulation = Simulation(Assembly(chair, make_policy("never_assist", chair), people=chair_people))
+    simulation.reset(simulation.sample_episode(np.random.default_rng(0)))
+    assert simulation.run(max_decisions=20) is False
+    assert not simulation.finished
+
+
+def test_stop_holds_the_robot_and_acknowledgement_resumes_the_same_task(chair, chair_people):
+    """The operator's inputs reach the chart; the interrupted robot task takes its whole time, plus the stop."""
+    simulation = Simulation(Assembly(chair, make_policy("never_assist", chair), people=chair_people))
+    assembly, context = simulation.assembly, simulation.context
+    episode = simulation.sample_episode(np.random.default_rng(0))
+    simulation.reset(episode)
+    first = episode.robot[0, 0]
+    simulation.advance(3.0)
+    for stop, ack, until in ((1.0, 0.0, 10.0), (0.0, 1.0, 10.5), (0.0, 0.0, 11.0)):
+        assembly.GetInputPort("stop").FixValue(context, stop)
+        assembly.GetInputPort("ack").FixValue(context, ack)
+        simulation.interrupt()
+        simulation.advance(until)
+        assert (simulation.output("mode")[0] == 7) == (stop == 1.0)  # STOPPED
+    assert simulation.output("robot_task")[0] == 1
+    simulation.advance(first + 7.0 - 1e-6)
+    assert simulation.output("robot_task")[0] == 1
+    simulation.advance(first + 7.0 + 1e-6)
+    assert simulation.output("robot_task")[0] == 2
+
+
+def test_a_periodic_assembly_runs_in_any_simulator_and_agrees_to_its_period(chair, chair_people, chair_simulation):
+    from pydrake.systems.analysis import Simulator
+
+    period = 0.01
+    policy = make_policy("elapsed_threshold", chair)
+    assembly = Assembly(chair, policy, people=chair_people, reaction_period=period)
+    simulator = Simulator(assembly)
+    context = simulator.get_mutable_context()
+    episode = chair_simulation.sample_episode(np.random.default_rng(2))
+    assembly.set_episode(context, episode)
+    simulator.Initialize()
+    exact = Simulation(Assembly(chair, policy, people=chair_people))
+    exact.reset(episode)
+    exact.run()
+    simulator.AdvanceTo(exact.time + 2.0)
+    assert assembly.GetOutputPort("finished").Eval(context)[0] == 1
+    for name in ("robot_idle", "human_idle"):
+        np.testing.assert_allclose(
+            assembly.GetOutputPort(name).Eval(context), exact.output(name), atol=20 * period, rtol=0
+        )
+
+
+def test_event_driven_and_periodic_assemblies_are_not_mixed_up(chair, chair_people):
+    with pytest.raises(ValueError, match="reaction_period=None"):
+        Simulation(Assembly(chair, people=chair_people, reaction_period=0.01))
