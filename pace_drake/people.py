@@ -7,8 +7,7 @@ import numpy as np
 
 from pace_drake.demos import Demonstration, DemonstrationSet, generate_demonstrations, read_demonstrations
 from pace_drake.demos.model import Split
-from pace_drake.dtw import OpenEndKernel
-from pace_drake.dtw.distances import Distance
+from pace_drake.dtw import Distance, OpenEndKernel
 from pace_drake.errors import InputError
 from pace_drake.scenario import SYNTHETIC, HumanConfig, Scenario
 from pace_drake.task import Episode, sample_episode

@@ -35,7 +35,7 @@ class HumanConfig:
 
     demonstrations: str = SYNTHETIC
     """``synthetic`` (the seeded generator), or a file (.npz, .csv) of recorded demonstrations."""
-    seed: int = 2025
+    seed: int = 0
     """Seed of the synthetic demonstrations."""
     split: str = "validation"
     """Which synthetic trials are played: ``train``, ``validation`` (the last trial of each subject) or ``all``."""

@@ -11,7 +11,7 @@ from pace_drake.errors import InputError
 class _Verbs(click.Group):
     """Imports a verb only when it is called: ``pace --help`` need not wait for Drake or torch."""
 
-    _modules = ("run", "train", "timeline", "scenarios")
+    _modules = ("run", "train", "thresholds", "timeline", "scenarios")
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self._modules)
@@ -41,8 +41,10 @@ def main(arguments: list[str] | None = None) -> None:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
         print(f"pace: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(2)
-    except (click.Abort, KeyboardInterrupt):
-        print("pace: interrupted", file=sys.stderr)
+    except (click.Abort, KeyboardInterrupt) as error:
+        # click turns Ctrl-C into Abort and keeps the message, if a verb has one.
+        detail = str(error.__cause__ or error)
+        print(f"pace: interrupted{'; ' if detail else ''}{detail}", file=sys.stderr)
         sys.exit(130)
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -1,6 +1,7 @@
 """``pace run``: the collaborative assembly, and who waited for whom."""
 
 import json
+import logging
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,7 +65,11 @@ def command(
         extra.append(f"policy={json.dumps(policy)}")
     loaded = load_scenario(scenario, tuple(extra))
     chosen = make_policy(loaded.policy, loaded)
-    _Run(loaded, chosen, level, seed, episodes, out, meshcat).execute()
+    run = _Run(loaded, chosen, level, seed, episodes, out, meshcat)
+    try:
+        run.execute()
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"the events so far are in {run.out}") from None
 
 
 class _Run:
@@ -96,6 +101,7 @@ class _Run:
         self.console.print(f"[bold]{self.scenario.name}[/bold]: {people.description}", highlight=False)
         if self.level == "task":
             return Assembly(self.scenario, policy, people=people), None
+        logging.getLogger("drake").setLevel(logging.WARNING)  # it announces a port that only --meshcat is about
         from pydrake.geometry import Meshcat, MeshcatParams
 
         from pace_drake.stations.motions import plan_motions

@@ -68,9 +68,9 @@ class Workcell:
     home: list[float] = field(default_factory=lambda: [0.0, -pi / 4, 0.0, -3 * pi / 4, 0.0, pi / 2, pi / 4])
     """[rad] (7) the arm's home position: Franka's "ready" pose."""
     proportional_gain: list[float] = field(
-        default_factory=lambda: [3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0]
+        default_factory=lambda: [6000.0, 6000.0, 6000.0, 5000.0, 5000.0, 4000.0, 4000.0]
     )
-    """[N m/rad] (7) joint stiffness: the default joint impedance of the Franka Control Interface."""
+    """[N m/rad] (7) joint stiffness: twice the default joint impedance of the Franka Control Interface."""
     derivative_gain: list[float] = field(default_factory=lambda: [150.0, 150.0, 120.0, 100.0, 60.0, 50.0, 50.0])
     """[N m s/rad] (7) joint damping."""
     gripper_proportional_gain: float = 2000.0
