@@ -52,13 +52,9 @@ def run(seconds: float) -> tuple[float, float, int, int]:
             assembly.robot_action.GetMyContextFromRoot(context)
         )
         worst = max(worst, float(np.max(np.abs(commanded - peer.position))))
-    chart = assembly.task_statechart
-    print(
-        f"{context.get_time():.1f} s, state {chart.compiled.chart.leaves[int(assembly.GetOutputPort('mode').Eval(context)[0])]}"
-    )
-    print(
-        f"commands accepted {peer.num_accepted}, rejected {peer.num_rejected}; largest joint error {1e3 * worst:.1f} mrad"
-    )
+    mode = int(assembly.GetOutputPort("mode").Eval(context)[0])
+    print(f"{context.get_time():.1f} s, state {assembly.task_statechart.compiled.chart.leaves[mode]}")
+    print(f"{peer.num_accepted} commands accepted, {peer.num_rejected} rejected; joint error {1e3 * worst:.1f} mrad")
     for agent in ("robot_idle", "human_idle"):
         print(agent, np.round(assembly.GetOutputPort(agent).Eval(context), 2), "s")
     return context.get_time(), worst, peer.num_accepted, peer.num_rejected

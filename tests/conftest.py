@@ -3,8 +3,9 @@
 import os
 from pathlib import Path
 
-# Before any Drake import: LCM over the network is refused, memq:// and Meshcat on localhost are not.
-os.environ["DRAKE_ALLOW_NETWORK"] = "meshcat"
+# Before any Drake import: LCM over the network is refused; memq:// and Meshcat on localhost are not. Parser needs
+# package_map to be allowed, though nothing of ours is downloaded by it.
+os.environ["DRAKE_ALLOW_NETWORK"] = "meshcat:package_map"
 
 import pytest
 

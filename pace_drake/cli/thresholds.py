@@ -11,15 +11,19 @@ import click
 def command(scenario: str, episodes: int, seed: int, overrides: tuple[str, ...]) -> None:
     """Find the best thresholds for SCENARIO on its training trials, and print them as the scenario writes them."""
     import yaml
-    from rich.progress import track
+    from rich.progress import Progress
 
     from pace_drake.evaluate.thresholds import ELAPSED_FRACTIONS, PHASES, search_thresholds
     from pace_drake.scenario import load_scenario
 
     loaded = load_scenario(scenario, (*overrides, "human.split=train"))
-    for name, element, candidates in (("elapsed_threshold", 2, ELAPSED_FRACTIONS), ("phase_threshold", 3, PHASES)):
-        ticks = iter(track(candidates, description=name))
-        found = search_thresholds(loaded, element, episodes, seed, progress=lambda _done, t=ticks: next(t, None))
-        next(ticks, None)
+
+    def search(name: str, element: int, num_candidates: int) -> None:
+        with Progress() as bar:
+            item = bar.add_task(name, total=num_candidates)
+            found = search_thresholds(loaded, element, episodes, seed, lambda done: bar.update(item, completed=done))
         line = yaml.safe_dump(found.thresholds, default_flow_style=True, sort_keys=False).strip()
         click.echo(f"{name}: {line}  # mean cost {found.cost:.2f} s over {episodes} episodes")
+
+    search("elapsed_threshold", 2, len(ELAPSED_FRACTIONS))
+    search("phase_threshold", 3, len(PHASES))
