@@ -36,3 +36,6 @@ install-dev: .venv/installed-dev
 
 clean:
 	rm -rf .venv dist build
+
+pictures: install
+	$(BIN)/python docs/pictures.py

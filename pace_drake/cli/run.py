@@ -108,6 +108,9 @@ class _Run:
         from pace_drake.stations.plant import make_plant_station
 
         meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+        meshcat.SetProperty("/Grid", "visible", False)
+        meshcat.SetProperty("/Axes", "visible", False)
+        meshcat.SetCameraPose(camera_in_world=[-0.35, -1.7, 0.9], target_in_world=[0.6, 0.05, 0.0])
         if show:
             self.console.print(f"live view: {meshcat.web_url()}")
         task = self.scenario.task
@@ -158,7 +161,7 @@ class _Run:
         unit = "episodes" if self.episodes > 1 else "human actions"
         with (
             EventLog(self.out / "events.csv") as log,
-            Progress(*columns, console=self.console) as bar,
+            Progress(*columns, console=self.console, refresh_per_second=2) as bar,
         ):
             item = bar.add_task(f"{self.level} level, {unit}", total=total, simulated=0.0)
             for number in range(self.episodes):

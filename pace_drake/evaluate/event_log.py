@@ -153,7 +153,8 @@ class EventRecorder:
     def _watch_idle(self, time: float, kind: str, joint: int) -> None:
         since = self._idle_since[kind]
         if since is not None and since[1] != joint:
-            self._write(time, kind, joint_action=since[1], start=since[0], duration=time - since[0])
+            if time > since[0]:  # who arrives at the very instant at which the other is ready has not waited
+                self._write(time, kind, joint_action=since[1], start=since[0], duration=time - since[0])
             self._idle_since[kind] = None
         if joint and self._idle_since[kind] is None:
             self._idle_since[kind] = (time, joint)

@@ -141,5 +141,5 @@ def draw_timeline(events: list[dict[str, str]], task: Task, title: str, path: Pa
     phases.set_ylim(-0.05, 1.1)
     phases.set_xlabel("time [s]")
     phases.set_xlim(0, end)
-    phases.legend(fontsize=7, ncols=4, loc="lower right")
+    phases.legend(fontsize=7, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     figure.savefig(path, dpi=110)

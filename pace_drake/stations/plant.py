@@ -14,6 +14,7 @@ from pydrake.geometry import (
     IllustrationProperties,
     Meshcat,
     MeshcatVisualizer,
+    MeshcatVisualizerParams,
     PerceptionProperties,
     ProximityProperties,
     Rgba,
@@ -183,7 +184,9 @@ def make_plant_station(
     builder.Connect(person.get_output_port(), scene_graph.get_source_pose_port(person.source_id))
 
     if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+        # As fast as a replay is recorded: every picture costs as much as a step of the plant.
+        pictures = MeshcatVisualizerParams(publish_period=1 / 16)
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, pictures)
     station = builder.Build()
     station.set_name("station")
     return station
