@@ -2,11 +2,12 @@
 PYTHON ?= python3
 BIN := .venv/bin
 OUT ?=
+SEED ?= 1
 
 .PHONY: demo test check lint types install install-dev pictures clean
 
 demo: install
-	$(BIN)/pace run ikea_chair --level plant $(if $(OUT),--out $(OUT))
+	$(BIN)/pace run ikea_chair --level plant --seed $(SEED) $(if $(OUT),--out $(OUT))
 
 test: install-dev
 	$(BIN)/python -m pytest
