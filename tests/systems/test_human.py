@@ -94,6 +94,8 @@ def test_waiting_the_hand_rests_and_in_a_joint_action_it_moves_to_where_the_next
     ready(dut, context, 20.0, 1)
     np.testing.assert_allclose(out(dut, context, "p_WH", 20.0), PATH[-1])
     np.testing.assert_allclose(out(dut, context, "p_WH", 22.0), (PATH[-1] + PATH[0] + 2.0) / 2)
+    quarter = 0.103515625  # minimum jerk: 10 s^3 - 15 s^4 + 6 s^5
+    np.testing.assert_allclose(out(dut, context, "p_WH", 21.0), PATH[-1] + quarter * (PATH[0] + 2.0 - PATH[-1]))
     np.testing.assert_allclose(out(dut, context, "p_WH", 24.0 - 1e-9), PATH[0] + 2.0, atol=1e-6)
 
 

@@ -60,7 +60,9 @@ def test_what_is_no_answer_leaves_the_decision_open(dut, context, answer):
     assert update(dut, context, assist=answer) == ["t_start", "r_done"]
     assert out(dut, context, "next_event_time") == 1.0
     assert update(dut, context, time=0.5, assist=answer) == []
-    assert update(dut, context, time=0.7, assist=1) == ["d_yes"]
+    answered = context.Clone()
+    assert update(dut, answered, time=0.7, assist=1) == ["d_yes"]
+    assert update(dut, context, time=1.0, assist=answer) == ["d_timeout"]  # as no answer, not as one of its own
 
 
 def test_an_assistance(dut, context):
@@ -97,6 +99,11 @@ def test_homing_after_an_abort_is_another_motion():
     assert out(dut, context, "robot_action") == [ActionKind.HOME_ABORTED, 1, 2]
 
 
+D_NO = """<transition pace:id="d_no" cond="a == 0" target="ROBOT_TASK">
+        <assign location="i" expr="i % M + 1"/>
+        <assign location="cmd" expr="cmd + 1"/>"""
+
+
 def write(tmp_path, old, new):
     path = tmp_path / "chart.scxml"
     text = resource_path(CHART).read_text()
@@ -117,6 +124,13 @@ def test_a_chart_that_does_not_come_to_rest_says_so(tmp_path):
     dut = make(path)
     with pytest.raises(RuntimeError, match="does not come to rest"):
         update(dut, dut.CreateDefaultContext())
+
+
+def test_a_chain_reads_the_decision_once(tmp_path):
+    # Going on issues no new command here, so the chain comes to DECIDE a second time.
+    dut = make(write(tmp_path, D_NO, D_NO.replace('<assign location="cmd" expr="cmd + 1"/>', "")))
+    context = dut.CreateDefaultContext()
+    assert update(dut, context, assist=0) == ["t_start", "r_done", "d_no", "r_done"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,54 @@
+"""EventLog and EventRecorder: rows are on disk as they happen, and say exactly what happened."""
+
+import numpy as np
+import pytest
+
+from pace_drake.diagram import Assembly
+from pace_drake.evaluate.event_log import EventLog
+from pace_drake.evaluate.timeline import read_events
+from pace_drake.policies.factory import make_policy
+from pace_drake.simulation import Simulation
+
+
+def test_a_row_is_on_disk_at_once(tmp_path):
+    path = tmp_path / "events.csv"
+    log = EventLog(path)
+    for k in range(3):
+        log.write(0, 0.1 + k, "phase", phase=np.float64(1 / 3))
+        rows = read_events(path)  # while the log is open: a kill now would lose nothing
+        assert len(rows) == k + 1
+        assert float(rows[-1]["time"]) == 0.1 + k
+        assert float(rows[-1]["phase"]) == 1 / 3  # exact
+    log.close()
+
+
+def test_a_row_cut_short_by_a_kill_is_left_out(tmp_path):
+    path = tmp_path / "events.csv"
+    with EventLog(path) as log:
+        log.write(0, 1.0, "phase", phase=0.5)
+        log.write(0, 2.0, "phase", phase=0.5)
+    path.write_bytes(path.read_bytes()[:-12])
+    assert [row["time"] for row in read_events(path)] == ["1.0"]
+
+
+def test_an_existing_log_is_not_overwritten(tmp_path):
+    path = tmp_path / "events.csv"
+    path.write_text("precious")
+    with pytest.raises(FileExistsError):
+        EventLog(path)
+    assert path.read_text() == "precious"
+
+
+def test_who_arrives_just_in_time_has_not_waited(chair, chair_people):
+    """Idle rows are never empty, and none is missing: they add up to the meter's totals."""
+    from pace_drake.evaluate.episode import run_episode
+
+    simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people))
+    for seed in range(5):
+        rows = []
+        episode = simulation.sample_episode(np.random.default_rng(seed))
+        result = run_episode(simulation, episode, lambda t, kind, rows=rows, **v: rows.append((kind, v)))
+        for agent in ("robot_idle", "human_idle"):
+            durations = [v["duration"] for kind, v in rows if kind == agent]
+            assert all(d > 0 for d in durations)
+            assert sum(durations) == pytest.approx(sum(getattr(result, agent)), abs=1e-9)

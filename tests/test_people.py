@@ -1,0 +1,84 @@
+"""pace_drake.people: which demonstrations are played and which reference they are compared with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pace_drake.demos import Demonstration, write_demonstrations
+from pace_drake.errors import InputError
+from pace_drake.people import load_people
+from pace_drake.scenario import load_scenario
+
+NAMES = ["place_rails", "carry_side", "place_screws", "hand_key", "tighten_screws", "hand_second_key"]
+
+
+def recording(subject, trial, seconds, action="assembly"):
+    t = np.arange(round(seconds * 10) + 1) / 10
+    return Demonstration(action, subject, trial, 0.1, np.column_stack([np.sin(t), t / 10, 0 * t]), synthetic=False)
+
+
+def people_of(tmp_path, *recordings):
+    path = tmp_path / "hand.npz"
+    write_demonstrations(path, list(recordings))
+    return load_people(load_scenario("ikea_chair", (f"human.demonstrations={path}",)))
+
+
+def test_synthetic_people_say_so_and_split_as_the_paper_does(chair):
+    people = load_people(chair)
+    assert people.description.startswith("SYNTHETIC")
+    assert people.rescale
+    assert [len(group) for group in people.demonstrations] == [5, 0, 5, 0, 5, 0]  # one validation trial a subject
+    for name, group, reference in zip(NAMES, people.demonstrations, people.references, strict=True):
+        assert (reference is None) == (not group)
+        assert all(d.action == name for d in group)
+        assert all(d is not reference for d in group)
+
+
+def test_with_two_people_the_first_gives_the_reference_and_the_other_is_played(tmp_path):
+    people = people_of(
+        tmp_path,
+        recording("A", "1", 30),
+        recording("A", "2", 20),
+        recording("A", "3", 25),
+        recording("B", "1", 22),
+        recording("B", "2", 33),
+    )
+    assert not people.rescale
+    for k in (0, 2, 4):
+        assert (people.references[k].subject, people.references[k].trial) == ("A", "3")  # median length
+        assert [(d.subject, d.trial) for d in people.demonstrations[k]] == [("B", "1"), ("B", "2")]
+    assert people.references[1] is None
+    assert "reference of A, played: B" in people.description
+
+
+def test_one_person_s_other_recordings_are_played(tmp_path):
+    people = people_of(tmp_path, recording("A", "1", 20), recording("A", "2", 24), recording("A", "3", 28))
+    assert people.references[0].trial == "2"
+    assert [d.trial for d in people.demonstrations[0]] == ["1", "3"]
+
+
+def test_labels_choose_the_action(tmp_path):
+    people = people_of(
+        tmp_path,
+        recording("A", "1", 20, "place_rails"),
+        recording("B", "1", 21, "place_rails"),
+        recording("A", "1", 15, "place_screws"),
+        recording("B", "1", 16, "place_screws"),
+    )
+    assert [d.duration for d in people.demonstrations[0]] == [21.0]
+    assert [d.duration for d in people.demonstrations[2]] == [16.0]
+
+
+def test_recorded_hands_keep_their_durations(tmp_path, chair):
+    people = people_of(tmp_path, recording("A", "1", 20), recording("B", "1", 23))
+    episode = people.sample(chair, np.random.default_rng(0))
+    assert [episode.human[k] for k in (0, 2, 4)] == [23.0, 23.0, 23.0]
+    assert episode.human[1] != 23.0  # joint actions are drawn as ever
+
+
+def test_an_action_that_the_synthetic_set_does_not_know(chair):
+    actions = [replace(chair.task.human_actions[0], name="knit"), *chair.task.human_actions[1:]]
+    scenario = replace(chair, task=replace(chair.task, human_actions=actions))
+    with pytest.raises(InputError, match="no action 'knit'; it has place_rails"):
+        load_people(scenario)
