@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     type=click.Choice(["plant", "task"]),
     default="plant",
     show_default=True,
-    help="plant: the Panda, tables and cubes are simulated; task: durations only, a second per hundred episodes.",
+    help="plant: the Panda, tables and cubes are simulated; task: durations only, about 20 episodes a second.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the episodes.")
 @click.option("--episodes", type=click.IntRange(min=1), default=1, show_default=True, help="How many episodes.")

@@ -6,6 +6,7 @@ import pytest
 from pace_drake.demos import Demonstration
 from pace_drake.systems.human import Human
 from pace_drake.task import Assistance, Episode, HumanAction, RobotTask, Task
+from tests.systems.forced import force_update
 
 PATH = np.column_stack([np.linspace(0, 1, 11), np.linspace(1, 0, 11), np.zeros(11)])
 
@@ -56,10 +57,7 @@ def status(dut, context, time):
 def ready(dut, context, time, joint):
     dut.GetInputPort("joint_ready").FixValue(context, float(joint))
     context.SetTime(time)
-    values = dut.AllocateDiscreteVariables()
-    values.SetFrom(context.get_discrete_state())
-    dut.CalcForcedDiscreteVariableUpdate(context, values)
-    context.SetDiscreteState(values)
+    force_update(dut, context)
 
 
 def test_the_sequence(dut, context):

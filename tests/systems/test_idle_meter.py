@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pace_drake.systems.idle_meter import IdleMeter
+from tests.systems.forced import force_update
 
 
 @pytest.fixture(scope="module")
@@ -16,10 +17,7 @@ def at(dut, context, time, robot=0, human=0, joint=0):
     context.SetTime(time)
     for name, value in (("robot_waiting", robot), ("human_waiting", human), ("human_joint", joint)):
         dut.GetInputPort(name).FixValue(context, float(value))
-    values = dut.AllocateDiscreteVariables()
-    values.SetFrom(context.get_discrete_state())
-    dut.CalcForcedDiscreteVariableUpdate(context, values)
-    context.SetDiscreteState(values)
+    force_update(dut, context)
 
 
 def idle(dut, context):

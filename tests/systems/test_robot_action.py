@@ -5,6 +5,7 @@ import pytest
 
 from pace_drake.systems.robot_action import RobotAction
 from pace_drake.task import ActionKind, sample_episode
+from tests.systems.forced import force_update
 
 
 class LineMotions:
@@ -31,10 +32,7 @@ class Bench:
     def update(self, time, kind, index, sequence):
         self.context.SetTime(time)
         self.dut.GetInputPort("robot_action").FixValue(self.context, [float(kind), index, sequence])
-        values = self.dut.AllocateDiscreteVariables()
-        values.SetFrom(self.context.get_discrete_state())
-        self.dut.CalcForcedDiscreteVariableUpdate(self.context, values)
-        self.context.SetDiscreteState(values)
+        force_update(self.dut, self.context)
 
     def out(self, name, time=None):
         if time is not None:

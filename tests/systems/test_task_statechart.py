@@ -8,6 +8,7 @@ from pace_drake.resources import resource_path
 from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind
+from tests.systems.forced import force_update
 
 CHART = "statecharts/pace_task.scxml"
 
@@ -28,10 +29,7 @@ def update(dut, context, time=None, **inputs):
         context.SetTime(time)
     for name, value in inputs.items():
         dut.GetInputPort(name).FixValue(context, float(value))
-    values = dut.AllocateDiscreteVariables()
-    values.SetFrom(context.get_discrete_state())
-    dut.CalcForcedDiscreteVariableUpdate(context, values)
-    context.SetDiscreteState(values)
+    force_update(dut, context)
     return dut.fired(context)
 
 
