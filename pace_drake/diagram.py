@@ -170,7 +170,7 @@ class Assembly(Diagram):
         self.set_name("assembly")
 
     def set_episode(self, context: Context, episode: Episode) -> None:
-        """Puts everything random of one episode into the diagram's context, and the chart's rest state."""
+        """Puts everything random of one episode into the diagram's context."""
         self.human.set_episode(self.human.GetMyMutableContextFromRoot(context), episode)
         self.robot_action.set_episode(self.robot_action.GetMyMutableContextFromRoot(context), episode)
 

@@ -1,5 +1,6 @@
 """A scenario: everything a run needs, in one typed file (Drake's ``yaml_load_typed``)."""
 
+import traceback
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from pathlib import Path
@@ -178,12 +179,24 @@ def load_scenario(name: str, overrides: tuple[str, ...] = ()) -> Scenario:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except AssertionError as error:  # yaml_load_typed, where it expects a mapping
-        raise InputError(f"{path}: {str(error)[:40]!r} stands where keys and values are expected") from error
+        where = _place_in_scenario(error)
+        raise InputError(f"{path}: {where}: {str(error)[:40]!r} stands where keys and values are expected") from error
     except (yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError) as error:
-        # yaml_load_typed reports by these types; the first line names the key.
-        first = " ".join(str(error).split())
-        raise InputError(f"{path}: {first}") from error
+        where = _place_in_scenario(error)
+        raise InputError(f"{path}: {where}{': ' if where else ''}{' '.join(str(error).split())}") from error
     return scenario
+
+
+def _place_in_scenario(error: Exception) -> str:
+    """The dotted key at which ``yaml_load_typed`` failed, list elements as []; empty if it is not known.
+
+    Its errors do not say where, but its frames do; should Drake rename them, the place is merely missing.
+    """
+    frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__))
+    items = (f for f in frames if f.f_code.co_name == "_merge_yaml_dict_item_into_target")
+    names = ["[]" if name == "_" else name for name in (f.f_locals.get("name") for f in items) if name]
+    # An Optional or a union is entered twice under the same name.
+    return ".".join(name for k, name in enumerate(names) if k == 0 or name != names[k - 1])
 
 
 def _override(content: object, text: str) -> None:

@@ -1,8 +1,8 @@
 """Human: a simulated person who works through the task and waits where a joint action needs the robot."""
 
-from dataclasses import dataclass
 from functools import partial
 from math import floor, inf
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
@@ -12,8 +12,7 @@ from pace_drake.systems.ports import declare_input, declare_output, declare_upda
 from pace_drake.task import Episode, Task
 
 
-@dataclass(frozen=True)
-class _Now:
+class _Now(NamedTuple):
     """Where the person is at one instant."""
 
     action: int  # j [1-based]

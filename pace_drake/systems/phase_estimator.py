@@ -35,8 +35,9 @@ class PhaseEstimator(LeafSystem):
         super().__init__()
         self.set_name("phase_estimator")
         self._kernels = list(kernels)
-        self._size = max((k.num_states for k in kernels if k is not None), default=0)
-        self.DeclareDiscreteState(1 + self._size)
+        # Ends of the estimators' vectors in the state, which begins with the action.
+        self._ends = [1 + (0 if kernel is None else kernel.num_states) for kernel in kernels]
+        self.DeclareDiscreteState(max(self._ends))
         self._p_WH = declare_input(self, "p_WH", 3)
         self._human_action = declare_input(self, "human_action")
         declare_output(
@@ -53,14 +54,14 @@ class PhaseEstimator(LeafSystem):
         if kernel is None:
             return 1.0
         state = context.get_discrete_state_vector().value()
-        return kernel.phase(state[1 : 1 + kernel.num_states]) if int(state[0]) == action else 0.0
+        return kernel.phase(state[1 : self._ends[action - 1]]) if int(state[0]) == action else 0.0
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         action = int(self._human_action.Eval(context)[0])
         state: np.ndarray = values.get_mutable_value(0)
         kernel = self._kernels[action - 1]
         if kernel is not None:
-            row = state[1 : 1 + kernel.num_states]
+            row = state[1 : self._ends[action - 1]]
             if int(state[0]) != action:
                 row[:] = kernel.initial_state()
             kernel.update(row, self._p_WH.Eval(context))
