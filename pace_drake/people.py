@@ -66,7 +66,8 @@ def load_people(scenario: Scenario) -> People:
     A recording is matched to human actions by its ``action`` labels; a file without a matching label is played in
     every non-joint action. With recordings of two people or more, the reference is the first person's recording of
     median length and the others' are played; with one person, their recording of median length is the reference and
-    the rest are played; a single recording is compared with the scenario's synthetic reference, and says so.
+    the rest are played; a single recording is compared with the scenario's synthetic reference, and says so. All are
+    moved to the scenario's workplace by one vector.
 
     Raises:
         InputError: a file that cannot be used.
@@ -76,7 +77,7 @@ def load_people(scenario: Scenario) -> People:
     names = [None if action.joint else action.name for action in scenario.task.human_actions]
     if config.demonstrations == SYNTHETIC:
         return _synthetic(config, names, synthetic)
-    recorded = read_demonstrations(scenario.resolve(config.demonstrations))
+    recorded = _at_workplace(read_demonstrations(scenario.resolve(config.demonstrations)), config.workplace)
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     notes: set[str] = set()
@@ -124,6 +125,13 @@ def _synthetic(config: HumanConfig, names: list[str | None], synthetic: Demonstr
         True,
         f"SYNTHETIC people (seed {config.seed}, {config.split} trials), not recordings",
     )
+
+
+def _at_workplace(recorded: list[Demonstration], workplace: list[float]) -> list[Demonstration]:
+    if not workplace:
+        return recorded
+    shift = np.array(workplace) - np.mean(np.concatenate([d.p_WH for d in recorded]), axis=0)
+    return [replace(d, p_WH=d.p_WH + shift) for d in recorded]
 
 
 def _reference_and_rest(recorded: list[Demonstration]) -> tuple[Demonstration | None, list[Demonstration]]:

@@ -42,6 +42,9 @@ class HumanConfig:
     """Which synthetic trials are played: ``train``, ``validation`` (the last trial of each subject) or ``all``."""
     sample_period: float = 0.1
     """[s] of the hand tracker (the paper: 10 Hz)."""
+    workplace: list[float] = field(default_factory=lambda: [0.85, 0.0, 0.15])
+    """[m] in world: recordings are moved, all by one vector, so that their mean lies here, as their frame is the
+    recorder's; empty: they are in the world frame already. Differences, and so phases, are not changed."""
 
 
 @dataclass(kw_only=True)
@@ -107,6 +110,12 @@ class Scenario:
             self.human.split in SPLITS,
             "human.split",
             f"must be one of {', '.join(SPLITS)}, is {self.human.split!r}",
+        )
+        workplace = self.human.workplace
+        _require(
+            len(workplace) in (0, 3) and all(isfinite(value) for value in workplace),
+            "human.workplace",
+            f"must be x, y, z [m] in the world frame, or empty, is {workplace}",
         )
         _require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")
         _require(self.max_decisions > 0, "max_decisions", f"must be > 0, is {self.max_decisions}")

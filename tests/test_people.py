@@ -77,6 +77,19 @@ def test_recorded_hands_keep_their_durations(tmp_path, chair):
     assert episode.human[1] != 23.0  # joint actions are drawn as ever
 
 
+def test_recordings_are_moved_to_the_workplace_all_by_one_vector(tmp_path):
+    first, second = recording("A", "1", 20), recording("B", "1", 23)
+    people = people_of(tmp_path, first, second)
+    shift = people.references[0].p_WH[0] - first.p_WH[0]
+    for moved, original in ((people.references[0], first), (people.demonstrations[0][0], second)):
+        np.testing.assert_allclose(moved.p_WH, original.p_WH + shift, atol=1e-12)
+    both = np.concatenate([people.references[0].p_WH, people.demonstrations[0][0].p_WH])
+    np.testing.assert_allclose(both.mean(axis=0), [0.85, 0.0, 0.15], atol=1e-12)
+    path = tmp_path / "hand.npz"
+    scenario = load_scenario("ikea_chair", (f"human.demonstrations={path}", "human.workplace=[]"))
+    np.testing.assert_array_equal(load_people(scenario).references[0].p_WH, first.p_WH)
+
+
 def test_an_action_that_the_synthetic_set_does_not_know(chair):
     actions = [replace(chair.task.human_actions[0], name="knit"), *chair.task.human_actions[1:]]
     scenario = replace(chair, task=replace(chair.task, human_actions=actions))

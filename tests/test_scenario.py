@@ -65,6 +65,7 @@ def test_overrides_reach_dicts_and_lists():
         ("estimator.place_rails.distance=manhattan", "estimator.place_rails.distance"),
         ("human.split=test", "human.split"),
         ("human.sample_period=0", "human.sample_period"),
+        ("human.workplace=[1, 2]", "human.workplace: must be x, y, z"),
         ("max_decisions=0", "max_decisions"),
         ("decision_timeout=.inf", "decision_timeout"),
         ("phase_threshold.nobody=0.5", "phase_threshold.nobody"),
