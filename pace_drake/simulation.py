@@ -93,7 +93,7 @@ class Simulation:
         return self.assembly.people.sample(self.assembly.scenario, rng)
 
     def reset(self, episode: Episode) -> None:
-        """Starts an episode at time 0; nothing of the episode before it is left."""
+        """Starts an episode at time 0; of the one before, only inputs fixed from outside (stop, ack) are left."""
         self.assembly.SetDefaultContext(self.context)
         self.context.SetTime(0.0)
         self.assembly.set_episode(self.context, episode)

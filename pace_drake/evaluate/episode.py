@@ -73,7 +73,8 @@ def run_episode(
             errors.append(values["phase"] - values["progress"])
         write(time, kind, **values)
 
-    simulation.listeners = (EventRecorder(observe_and_write),)
+    recorder = EventRecorder(observe_and_write)
+    simulation.listeners = (recorder,)
     human = simulation.assembly.human
     human_context = human.GetMyContextFromRoot(simulation.context)
     start = perf_counter()
@@ -93,6 +94,7 @@ def run_episode(
         progress(simulation.time)
     wall = perf_counter() - start
     finished = stop == Stop.FINISHED
+    recorder.finish(simulation.time)
     write(simulation.time, "episode", name="finished" if finished else "truncated")
     return EpisodeResult(
         robot_idle=tuple(simulation.output("robot_idle").tolist()),

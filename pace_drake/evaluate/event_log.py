@@ -115,6 +115,11 @@ class EventRecorder:
         waiting = int(chart.GetOutputPort("robot_waiting").Eval(chart_context)[0])
         self._watch_idle(simulation.time, "robot_idle", waiting)
 
+    def finish(self, time: float) -> None:
+        """Writes the idle intervals that are still open at the end of the episode [s]."""
+        for kind in self._idle_since:
+            self._watch_idle(time, kind, joint=0)
+
     def _observe(self, simulation: Simulation) -> dict[str, Any]:
         robot_task, human_action, elapsed, phase = simulation.output("observation")
         assembly, context = simulation.assembly, simulation.context

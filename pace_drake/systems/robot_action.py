@@ -11,6 +11,9 @@ from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind, Episode, Task
 #: [s] how soon an arm that has not arrived at the end of its motion is looked at again.
 _ARRIVAL_POLL = 0.01
 
+#: Places in the state; the drawn durations follow.
+_SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE, _DRAWN = range(11)
+
 
 class Motions(Protocol):
     """Planned motions, as ``pace_drake.stations.motions.MotionLibrary`` offers them."""
@@ -33,7 +36,8 @@ class RobotAction(LeafSystem):
     """Turns commands into timed motions; holds on HOLD and goes on where it was when the command is issued again.
 
     A command is new when its sequence number is. ``motion_done`` is the sequence number of the last finished command,
-    so that a late reader can neither miss nor repeat one (docs/statechart.md).
+    so that a late reader can neither miss nor repeat one (docs/statechart.md). Holding and going on scale the time in
+    which the path is passed, down to 0 and up to 1 again: the arm stays on its path and never jumps in velocity.
 
     Inputs:
         robot_action (3): kind, index, sequence number.
@@ -41,22 +45,24 @@ class RobotAction(LeafSystem):
 
     Outputs:
         motion_done (1): sequence number of the last finished command; 0 before the first.
-        robot_busy (1): 1 while a motion runs.
+        robot_busy (1): 1 while the robot moves.
         motion_progress (3): kind, index, fraction in [0, 1] of the motion that runs or ran last.
-        next_event_time (1) [s]: when motion_done changes next; inf if nothing runs.
+        next_event_time (1) [s]: when motion_done or robot_busy change next; inf if nothing runs.
         position (7) [rad], gripper_position (1) [m]: only with motions; the home position before the first command.
 
     State:
-        [sequence, kind, index, start time [s], time done before start [s], duration [s], running, last done,
-        robot-task durations (NUM_ROBOT_DRAWS * M) [s], preparation (L), joint (L), homing (L) [s]].
+        [sequence, kind, index, duration [s], time of the last update of the path's clock [s], path time then [s], path
+        rate then [-], path rate aimed at (1 or 0), active (not finished), last done, robot-task durations
+        (NUM_ROBOT_DRAWS * M) [s], preparation (L), joint (L), homing (L) [s]].
 
     Events:
         update: takes a new command, holds, or goes on (forced or periodic).
 
     Args:
         task: a validated task.
-        motions: planned motions, or None at the task level, where actions only take time.
+        motions: planned motions, or None at the task level, where actions only take time and stop at once.
         arrival_tolerance: [rad] largest joint error at which a motion counts as done.
+        stop_time: [s] in which the path rate falls from 1 to 0, and rises again; only with motions.
         reaction_period: see ``declare_update``.
     """
 
@@ -65,6 +71,7 @@ class RobotAction(LeafSystem):
         task: Task,
         motions: Motions | None = None,
         arrival_tolerance: float = 0.05,
+        stop_time: float = 0.25,
         reaction_period: float | None = None,
     ) -> None:
         super().__init__()
@@ -73,8 +80,8 @@ class RobotAction(LeafSystem):
         self._alpha = task.human_index_of_joint
         self._motions = motions
         self._tolerance = arrival_tolerance
-        self._drawn = 8
-        self.DeclareDiscreteState(self._drawn + NUM_ROBOT_DRAWS * self._m + 3 * self._joints)
+        self._stop_time = 0.0 if motions is None else stop_time
+        self.DeclareDiscreteState(_DRAWN + NUM_ROBOT_DRAWS * self._m + 3 * self._joints)
         self._command = declare_input(self, "robot_action", 3)
         now = {self.xd_ticket(), self.time_ticket()}
         arrival = set(now)
@@ -93,95 +100,124 @@ class RobotAction(LeafSystem):
         """Puts the drawn durations into the context; no command has been taken yet."""
         joint = episode.human[[j - 1 for j in self._alpha]]
         context.SetDiscreteState(
-            np.concatenate([np.zeros(self._drawn), episode.robot.ravel(), episode.preparation, joint, episode.homing])
+            np.concatenate([np.zeros(_DRAWN), episode.robot.ravel(), episode.preparation, joint, episode.homing])
         )
 
-    def _duration(self, state: np.ndarray, kind: ActionKind, index: int, sequence: int) -> float:
-        after_robot = self._drawn + NUM_ROBOT_DRAWS * self._m
+    def _drawn_duration(self, state: np.ndarray, kind: ActionKind, index: int, sequence: int) -> float:
         if kind == ActionKind.ROBOT_TASK:
-            place = self._drawn + (sequence - 1) % NUM_ROBOT_DRAWS * self._m + index - 1
+            place = (sequence - 1) % NUM_ROBOT_DRAWS * self._m + index - 1
         else:
             # An aborted assistance homes from elsewhere, in the time drawn for homing.
-            group = {
-                ActionKind.PREPARE: 0,
-                ActionKind.JOINT: 1,
-                ActionKind.HOME: 2,
-                ActionKind.HOME_ABORTED: 2,
-            }
-            place = after_robot + group[kind] * self._joints + index - 1
-        drawn = float(state[place])
+            group = {ActionKind.PREPARE: 0, ActionKind.JOINT: 1, ActionKind.HOME: 2, ActionKind.HOME_ABORTED: 2}
+            place = NUM_ROBOT_DRAWS * self._m + group[kind] * self._joints + index - 1
+        drawn = float(state[_DRAWN + place])
         # No motion is played faster than the arm's limits allow.
         return drawn if self._motions is None else max(drawn, self._motions.minimum_duration(kind, index))
+
+    # ---- the path's clock
+
+    def _ramp(self, state: np.ndarray) -> float:
+        """[s] from the clock's last update until the path rate is what is aimed at."""
+        return abs(state[_AIM] - state[_RATE]) * self._stop_time
+
+    def _path_time(self, state: np.ndarray, time: float) -> tuple[float, float]:
+        """(path time [s], path rate) at ``time``."""
+        if not state[_ACTIVE]:
+            return state[_PATH], 0.0
+        passed, ramp = time - state[_SINCE], self._ramp(state)
+        if passed < ramp:
+            rate = state[_RATE] + (state[_AIM] - state[_RATE]) * passed / ramp
+            path = state[_PATH] + (state[_RATE] + rate) / 2 * passed
+        else:
+            rate = state[_AIM]
+            path = state[_PATH] + (state[_RATE] + rate) / 2 * ramp + rate * (passed - ramp)
+        return min(path, state[_DURATION]), rate
+
+    def _end_time(self, state: np.ndarray) -> float:
+        """[s] when the path comes to its end; inf if it is held before."""
+        left, ramp, rate = state[_DURATION] - state[_PATH], self._ramp(state), state[_RATE]
+        in_ramp = (rate + state[_AIM]) / 2 * ramp
+        if left > in_ramp or ramp == 0:
+            return state[_SINCE] + (ramp + (left - in_ramp)) if state[_AIM] else np.inf
+        slope = (state[_AIM] - rate) / ramp
+        return state[_SINCE] + 2 * left / (rate + np.sqrt(rate**2 + 2 * slope * left))
+
+    def _is_done(self, context: Context) -> bool:
+        """Whether the active motion has come to its end."""
+        state = self._state(context)
+        # The same expression as in next_event_time: stepping there makes it true, without rounding.
+        if not state[_ACTIVE] or context.get_time() < self._end_time(state):
+            return False
+        if self._motions is None:
+            return True
+        target = self._motions.position(ActionKind(int(state[_KIND])), int(state[_INDEX]), 1.0)
+        return bool(np.max(np.abs(self._measured.Eval(context) - target)) <= self._tolerance)
+
+    # ---- outputs
 
     @staticmethod
     def _state(context: Context) -> np.ndarray:
         return context.get_discrete_state_vector().value()
 
-    def _fraction(self, state: np.ndarray, time: float) -> float:
-        if state[5] == 0:
-            return 0.0
-        spent = state[4] + (time - state[3] if state[6] else 0.0)
-        return min(max(spent / state[5], 0.0), 1.0)
-
-    def _is_done(self, context: Context) -> bool:
-        """Whether the running motion has come to its end."""
-        state = self._state(context)
-        # The same expression as in next_event_time: stepping there makes it true, without rounding.
-        if not state[6] or context.get_time() < state[3] + (state[5] - state[4]):
-            return False
-        if self._motions is None:
-            return True
-        target = self._motions.position(ActionKind(int(state[1])), int(state[2]), 1.0)
-        return bool(np.max(np.abs(self._measured.Eval(context) - target)) <= self._tolerance)
-
     def _motion_done(self, context: Context) -> float:
         state = self._state(context)
-        return state[0] if self._is_done(context) else state[7]
+        return state[_SEQUENCE] if self._is_done(context) else state[_LAST_DONE]
 
     def _busy(self, context: Context) -> float:
-        return float(self._state(context)[6] == 1 and not self._is_done(context))
+        state = self._state(context)
+        moving = state[_AIM] or context.get_time() < state[_SINCE] + self._ramp(state)
+        return float(bool(state[_ACTIVE] and moving and not self._is_done(context)))
+
+    def _fraction(self, context: Context) -> float:
+        state = self._state(context)
+        return self._path_time(state, context.get_time())[0] / state[_DURATION] if state[_DURATION] else 0.0
 
     def _progress(self, context: Context) -> tuple[float, float, float]:
         state = self._state(context)
-        return state[1], state[2], self._fraction(state, context.get_time())
+        return state[_KIND], state[_INDEX], self._fraction(context)
 
     def _next_event_time(self, context: Context) -> float:
-        state = self._state(context)
-        if not state[6]:
+        state, time = self._state(context), context.get_time()
+        if not state[_ACTIVE]:
             return np.inf
-        end = state[3] + (state[5] - state[4])
-        return end if context.get_time() < end else context.get_time() + _ARRIVAL_POLL
+        end, at_rest = self._end_time(state), state[_SINCE] + self._ramp(state)
+        if time < end:
+            return at_rest if not state[_AIM] and time < at_rest < end else end
+        return time + _ARRIVAL_POLL
 
     def _position(self, context: Context) -> np.ndarray:
         assert self._motions is not None
         state = self._state(context)
-        if state[1] == ActionKind.NONE:
+        if state[_KIND] == ActionKind.NONE:
             return self._motions.home
-        fraction = self._fraction(state, context.get_time())
-        return self._motions.position(ActionKind(int(state[1])), int(state[2]), fraction)
+        return self._motions.position(ActionKind(int(state[_KIND])), int(state[_INDEX]), self._fraction(context))
 
     def _gripper(self, context: Context) -> float:
         assert self._motions is not None
         state = self._state(context)
-        kind = ActionKind(int(state[1])) or ActionKind.ROBOT_TASK
-        return self._motions.gripper_width(kind, int(state[2]) or 1, self._fraction(state, context.get_time()))
+        kind = ActionKind(int(state[_KIND])) or ActionKind.ROBOT_TASK
+        return self._motions.gripper_width(kind, int(state[_INDEX]) or 1, self._fraction(context))
+
+    # ---- update
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         kind_value, index, sequence = self._command.Eval(context)
         kind, time = ActionKind(int(kind_value)), context.get_time()
-        done = self._is_done(context)
+        before = self._state(context)
         x = values.get_mutable_value(0)
-        if done:
-            x[7], x[4], x[6] = x[0], x[5], 0.0
+        if self._is_done(context):
+            x[_LAST_DONE], x[_PATH], x[_ACTIVE] = x[_SEQUENCE], x[_DURATION], 0.0
         if kind == ActionKind.HOLD:
-            if x[6]:
-                x[4] += time - x[3]
-                x[6] = 0.0
+            if x[_ACTIVE] and x[_AIM]:
+                x[_PATH], x[_RATE] = self._path_time(before, time)
+                x[_SINCE], x[_AIM] = time, 0.0
             return
-        if sequence == x[0] or kind == ActionKind.NONE:
+        if sequence == x[_SEQUENCE] or kind == ActionKind.NONE:
             return
-        unfinished = x[7] != x[0] and (x[1], x[2]) == (kind_value, index)
-        if not unfinished:
-            x[1], x[2], x[4] = kind_value, index, 0.0
-            x[5] = self._duration(self._state(context), kind, int(index), int(sequence))
-        x[0], x[3], x[6] = sequence, time, 1.0
+        if x[_ACTIVE] and (x[_KIND], x[_INDEX]) == (kind_value, index):
+            x[_PATH], x[_RATE] = self._path_time(before, time)
+        else:
+            # A new motion begins at rest by itself: its clock need not start slowly.
+            x[_KIND], x[_INDEX], x[_PATH], x[_RATE] = kind_value, index, 0.0, 1.0
+            x[_DURATION] = self._drawn_duration(before, kind, int(index), int(sequence))
+        x[_SEQUENCE], x[_SINCE], x[_AIM], x[_ACTIVE] = sequence, time, 1.0, 1.0

@@ -39,6 +39,23 @@ def test_an_existing_log_is_not_overwritten(tmp_path):
     assert path.read_text() == "precious"
 
 
+def test_a_truncated_episode_accounts_for_the_person_who_still_waits(chair, chair_people):
+    from dataclasses import replace
+
+    from pace_drake.evaluate.episode import run_episode
+
+    scenario = replace(chair, max_decisions=10)
+    simulation = Simulation(Assembly(scenario, make_policy("never_assist", chair), people=chair_people))
+    rows = []
+    episode = simulation.sample_episode(np.random.default_rng(0))
+    result = run_episode(simulation, episode, lambda t, kind, **v: rows.append((kind, v)))
+    assert not result.finished
+    assert rows[-1] == ("episode", {"name": "truncated"})
+    (waited,) = [v["duration"] for kind, v in rows if kind == "human_idle"]
+    assert waited == pytest.approx(result.human_idle[0])
+    assert waited > 20
+
+
 def test_who_arrives_just_in_time_has_not_waited(chair, chair_people):
     """Idle rows are never empty, and none is missing: they add up to the meter's totals."""
     from pace_drake.evaluate.episode import run_episode

@@ -135,3 +135,67 @@ def test_with_motions_it_is_done_when_the_arm_is_there_and_never_faster_than_the
     assert bench.out("next_event_time") == pytest.approx(9.01)
     measured.FixValue(bench.context, np.full(7, 0.22 + 0.04))
     assert bench.out("motion_done") == 1
+
+
+def test_holding_and_going_on_never_jump_in_velocity(chair, episode):
+    """The fraction of the path is continuous with its rate; the motion loses half the stop time twice over."""
+    stop_time = 0.4
+    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=stop_time), episode)
+    bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.full(7, 0.11))
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    duration = bench.out("next_event_time")
+    commands = {2.0: (ActionKind.HOLD, 0, 1), 5.0: (ActionKind.ROBOT_TASK, 1, 2)}
+    step, fractions, busy = 0.01, [], []
+    for k in range(800):
+        time = k * step
+        if time in commands:
+            bench.update(time, *commands[time])
+        fractions.append(bench.out("motion_progress", time)[2])
+        busy.append(bench.out("robot_busy"))
+    rate = np.diff(fractions) * duration / step
+    assert np.all(rate >= -1e-9)
+    assert np.max(np.abs(np.diff(rate))) <= step / stop_time + 1e-6
+    assert rate[100] == pytest.approx(1)
+    assert rate[300] == pytest.approx(0)
+    assert rate[-1] == pytest.approx(1)
+    assert busy[230] == 1  # still slowing down: the operator cannot resume yet
+    assert busy[245] == 0
+    assert bench.out("next_event_time") == pytest.approx(duration + 3.0)
+    assert bench.out("motion_done", bench.out("next_event_time")) == 2
+
+
+def test_a_hold_says_when_the_arm_is_at_rest(chair, episode):
+    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=0.4), episode)
+    bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.zeros(7))
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    bench.update(2.0, ActionKind.HOLD, 0, 1)
+    assert bench.out("next_event_time") == pytest.approx(2.4)
+    assert bench.out("next_event_time", 2.4) == np.inf
+
+
+def test_a_motion_that_ends_while_it_slows_down_is_done(chair, episode):
+    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=0.4), episode)
+    bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.full(7, 0.11))
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    end = bench.out("next_event_time")
+    bench.update(end - 0.1, ActionKind.HOLD, 0, 1)
+    late = bench.out("next_event_time")
+    assert end < late < end + 0.1
+    assert bench.out("motion_done", late - 1e-6) == 0
+    assert bench.out("motion_done", late) == 1
+    bench.update(late, ActionKind.HOLD, 0, 1)
+    bench.update(late + 1, ActionKind.ROBOT_TASK, 1, 2)  # the same task again is a new motion
+    assert bench.out("motion_progress")[2] == 0
+
+
+def test_a_hold_while_speeding_up_again_slows_down_from_there(chair, episode):
+    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=0.4), episode)
+    bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.zeros(7))
+    bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    bench.update(2.0, ActionKind.HOLD, 0, 1)
+    bench.update(3.0, ActionKind.ROBOT_TASK, 1, 2)
+    bench.update(3.1, ActionKind.HOLD, 0, 2)  # at a quarter of the rate
+    assert bench.out("next_event_time") == pytest.approx(3.2)
+    duration = episode.robot[0, 0]
+    path = 2.0 + 0.2 + 2 * 0.25 * 0.1 / 2
+    assert bench.out("motion_progress", 9.0)[2] == pytest.approx(path / duration)
