@@ -63,6 +63,7 @@ def test_a_robot_task_takes_the_time_drawn_for_its_command(bench, episode):
     assert bench.out("motion_done", end - 1e-9) == 0
     assert bench.out("robot_busy") == 1
     assert bench.out("motion_done", end) == 5
+    assert bench.out("motion_progress", end + 5.0)[2] == 1.0  # and no further, however late the next update is
     assert bench.out("robot_busy") == 0
 
 
