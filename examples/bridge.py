@@ -13,11 +13,11 @@ from pydrake.lcm import DrakeLcm
 from pydrake.systems.analysis import Simulator
 
 from pace_drake.diagram import Assembly
+from pace_drake.lcm.config import LcmConfig
 from pace_drake.lcm.panda_peer import PandaPeer
 from pace_drake.policies.factory import make_policy
 from pace_drake.scenario import load_scenario
 from pace_drake.stations.hardware import LcmLoop, make_hardware_station
-from pace_drake.stations.lcm_config import LcmConfig
 from pace_drake.stations.motions import plan_motions
 
 

@@ -9,8 +9,8 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from pace_drake.errors import InputError
+from pace_drake.lcm.config import LcmConfig
 from pace_drake.resources import resource_path
-from pace_drake.stations.lcm_config import LcmConfig
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import Task
 

@@ -6,7 +6,7 @@ import numpy as np
 from drake import lcmt_panda_command, lcmt_panda_status, lcmt_schunk_wsg_command, lcmt_schunk_wsg_status
 from pydrake.lcm import DrakeLcm
 
-from pace_drake.stations.lcm_config import LcmConfig
+from pace_drake.lcm.config import LcmConfig
 
 START_UTIME = 1_700_000_000_000_000  # [us] the peer's clock at construction; nothing like a context time
 LOW_PASS = 30.0  # [Hz] cutoff of the driver's filter of commanded positions

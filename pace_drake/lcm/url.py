@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 from pydrake.lcm import DrakeLcm
 
 from pace_drake.errors import InputError
-from pace_drake.stations.lcm_config import LcmConfig
+from pace_drake.lcm.config import LcmConfig
 
 _SCHEMES = ("memq", "udpm", "tcpq")
 

@@ -27,7 +27,7 @@ from pydrake.systems.primitives import Gain, PassThrough
 
 from pace_drake.errors import InputError
 from pace_drake.lcm.command_sender import NUM_JOINTS, GripperCommandSender, PandaCommandSender
-from pace_drake.stations.lcm_config import LcmConfig
+from pace_drake.lcm.config import LcmConfig
 
 _COUNT, _ARRIVAL, _UTIME, _FIELDS = 0, 1, 2, 3
 

@@ -8,7 +8,7 @@ import pytest
 
 from pace_drake.errors import InputError
 from pace_drake.lcm import url as dut
-from pace_drake.stations.lcm_config import LcmConfig
+from pace_drake.lcm.config import LcmConfig
 
 UDPM = "udpm://239.255.76.67:7699?ttl=0"  # never opened: every test below puts a stand-in or a refusal before it
 

@@ -12,9 +12,9 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from pace_drake.errors import InputError
+from pace_drake.lcm.config import LcmConfig
 from pace_drake.lcm.panda_peer import START_UTIME, PandaPeer
 from pace_drake.stations.hardware import LcmLoop, StatusMonitor, make_hardware_station
-from pace_drake.stations.lcm_config import LcmConfig
 
 Q0 = np.array([0.0, -0.4, 0.0, -2.2, 0.0, 1.8, 0.8])
 PERIOD = 0.005  # [s] of the peer's status
