@@ -95,11 +95,12 @@ def load_people(scenario: Scenario) -> People:
             notes.add(f"reference of {reference.subject}, played: {', '.join(sorted({d.subject for d in played}))}")
         demonstrations.append(played)
         references.append(reference)
+    kind = "SYNTHETIC" if any(d.synthetic for d in recorded) else "recorded"
     return People(
         demonstrations,
         references,
         False,
-        f"recorded hands from {config.demonstrations} ({'; '.join(sorted(notes))})",
+        f"{kind} hands from {config.demonstrations} ({'; '.join(sorted(notes))})",
     )
 
 
