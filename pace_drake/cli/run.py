@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.errors import InputError
+
 if TYPE_CHECKING:
     from pace_drake.diagram import Assembly
     from pace_drake.evaluate.episode import EpisodeResult
@@ -89,9 +91,13 @@ class _Run:
 
         self.scenario, self.level, self.seed, self.episodes = scenario, level, seed, episodes
         self.console = Console()
+        self.out = self._choose_folder(out)
         self.assembly, self.meshcat = self._build(policy, show)
         # Made last, so that bad input leaves nothing behind.
-        self.out = self._make_folder(out)
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{self.out}: cannot make the run folder: {error.strerror}") from error
 
     def _build(self, policy: "Policy", show: bool) -> tuple["Assembly", object]:
         from pace_drake.diagram import Assembly
@@ -119,21 +125,15 @@ class _Run:
         station = make_plant_station(self.scenario.workcell, meshcat=meshcat)
         return Assembly(self.scenario, policy, station=station, motions=motions, people=people), meshcat
 
-    def _make_folder(self, out: Path | None) -> Path:
-        from pace_drake.errors import InputError
-
+    def _choose_folder(self, out: Path | None) -> Path:
         if out is None:
             stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
             stem = Path("runs") / f"{stamp}-{self.scenario.name}-{Path(self.scenario.policy).stem}"
             out, again = stem, 1
             while out.exists():
                 out, again = stem.with_name(f"{stem.name}-{again}"), again + 1
-        try:
-            if out.exists() and (not out.is_dir() or any(out.iterdir())):
-                raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{out}: cannot make the run folder: {error.strerror}") from error
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
         return out
 
     def execute(self) -> None:
