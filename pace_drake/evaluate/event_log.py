@@ -77,32 +77,27 @@ class EventRecorder:
         self._command: tuple[float, ...] | None = None
         self._idle_since: dict[str, tuple[float, int] | None] = {"robot_idle": None, "human_idle": None}
         self._before: dict[str, float] = {}
-        self._mode = ""
+        self._x = np.zeros(0)
 
     def __call__(self, simulation: Simulation, before: bool) -> None:
         """See ``pace_drake.simulation.Listener``."""
         assembly, context = simulation.assembly, simulation.context
         chart = assembly.task_statechart
         chart_context = chart.GetMyContextFromRoot(context)
-        leaves = chart.compiled.chart.leaves
-        mode = leaves[int(simulation.output("mode")[0])]
         self._watch_human(simulation)
         if before:
-            self._mode = mode
+            self._x = chart.chart_state(chart_context)
             self._before = self._observe(simulation) if simulation.decision_pending else {}
             return
-        transitions = {t.id: t for t in chart.compiled.chart.transitions}
-        source = self._mode
+        model = chart.compiled.chart
+        targets = {t.id: t.target for t in model.transitions}
+        source = chart.compiled.leaf(self._x)
         for name in chart.fired(chart_context):
-            transition = transitions[name]
-            active = chart.compiled.chart.ancestors(source)
-            assert transition.source in active
-            target = chart.compiled.chart.histories.get(transition.target, transition.target)
-            leaf = chart.compiled.chart.initial_leaf(target)
-            if chart.compiled.chart.states[source].marks.get("decision") and self._before:
+            if model.states[source].marks.get("decision") and self._before:
                 self._write(simulation.time, "decision", name=name, **self._before)
-            self._write(simulation.time, "reaction", name=name, source=source, target=leaf)
-            source = leaf
+            target = chart.compiled.entered_leaf(self._x, targets[name])
+            self._write(simulation.time, "reaction", name=name, source=source, target=target)
+            source = target
         command = tuple(simulation.output("robot_action"))
         if command[2] > 0 and command != self._command and command[0] > 0:
             self._command = command

@@ -86,6 +86,14 @@ class CompiledChart:
         """Name of the active leaf state."""
         return self.chart.leaves[int(x[0])]
 
+    def entered_leaf(self, x: np.ndarray, target: str) -> str:
+        """Name of the leaf in which a transition to ``target``, a state or a history, ends if taken from x."""
+        chart = self.chart
+        if target in chart.histories:
+            remembered = int(x[1 + list(chart.histories).index(target)])
+            return chart.leaves[remembered] if remembered >= 0 else chart.initial_leaf(chart.histories[target])
+        return chart.initial_leaf(target)
+
 
 def compile_chart(chart: Chart) -> CompiledChart:
     """Compiles a loaded chart. The code is built from checked syntax trees; no text of the file becomes code."""

@@ -109,6 +109,10 @@ class TaskStatechart(LeafSystem):
         """The chart that runs."""
         return self._compiled
 
+    def chart_state(self, context: Context) -> np.ndarray:
+        """A copy of x, the chart's part of the state."""
+        return self._state(context)[: self._num_x].copy()
+
     def fired(self, context: Context) -> list[str]:
         """Ids of the transitions that the last update took, in order."""
         trace = self._state(context)[self._num_x :]

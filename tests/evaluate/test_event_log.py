@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pace_drake.diagram import Assembly
-from pace_drake.evaluate.event_log import EventLog
+from pace_drake.evaluate.event_log import EventLog, EventRecorder
 from pace_drake.evaluate.timeline import read_events
 from pace_drake.policies.factory import make_policy
 from pace_drake.simulation import Simulation
@@ -37,6 +37,23 @@ def test_an_existing_log_is_not_overwritten(tmp_path):
     with pytest.raises(FileExistsError):
         EventLog(path)
     assert path.read_text() == "precious"
+
+
+def test_a_stop_is_logged_and_resuming_names_the_state_it_returns_to(chair, chair_people):
+    simulation = Simulation(Assembly(chair, make_policy("always_assist", chair), people=chair_people))
+    rows = []
+    simulation.listeners = (EventRecorder(lambda t, kind, **v: rows.append((t, kind, v))),)
+    simulation.reset(simulation.sample_episode(np.random.default_rng(1)))
+    simulation.advance(13.0)  # prepared, and waiting for the person
+    for time, stop, ack in ((13.0, 1.0, 0.0), (14.0, 0.0, 1.0)):
+        simulation.advance(time)
+        for name, value in (("stop", stop), ("ack", ack)):
+            simulation.assembly.GetInputPort(name).FixValue(simulation.context, value)
+        simulation.interrupt()
+    simulation.advance(15.0)
+    reactions = [(t, v["name"], v["source"], v["target"]) for t, kind, v in rows if kind == "reaction"]
+    assert reactions[-3][1:] == ("p_wait", "PREP", "WAIT")
+    assert reactions[-2:] == [(13.0, "t_stop", "WAIT", "STOPPED"), (14.0, "s_resume", "STOPPED", "WAIT")]
 
 
 def test_a_truncated_episode_accounts_for_the_person_who_still_waits(chair, chair_people):
