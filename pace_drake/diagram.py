@@ -12,7 +12,7 @@ from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
-from pace_drake.systems.observation import OBSERVATION, Observation
+from pace_drake.systems.observation import Observation
 from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.task_statechart import TaskStatechart
@@ -173,6 +173,3 @@ class Assembly(Diagram):
         """Puts everything random of one episode into the diagram's context."""
         self.human.set_episode(self.human.GetMyMutableContextFromRoot(context), episode)
         self.robot_action.set_episode(self.robot_action.GetMyMutableContextFromRoot(context), episode)
-
-
-__all__ = ["OBSERVATION", "OPERATOR_INPUTS", "Assembly"]

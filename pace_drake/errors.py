@@ -6,3 +6,9 @@ class InputError(ValueError):
 
     The command line prints it and exits with code 2; a library caller may catch it as a ``ValueError``.
     """
+
+
+def require(condition: bool, name: str, what: str) -> None:
+    """Raises InputError that names a field, and says what it must be, unless the condition holds."""
+    if not condition:
+        raise InputError(f"{name}: {what}")

@@ -1,11 +1,12 @@
 """Whose hands a scenario sees: the demonstrations that are played and the references they are compared with."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import cast
 
 import numpy as np
 
-from pace_drake.demos import Demonstration, DemonstrationSet, generate_demonstrations, read_demonstrations
+from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
 from pace_drake.demos.model import Split
 from pace_drake.dtw import Distance, OpenEndKernel
 from pace_drake.errors import InputError
@@ -73,14 +74,15 @@ def load_people(scenario: Scenario) -> People:
         InputError: a file that cannot be used.
     """
     config = scenario.human
-    synthetic = generate_demonstrations(seed=config.seed)
     names = [None if action.joint else action.name for action in scenario.task.human_actions]
     if config.demonstrations == SYNTHETIC:
-        return _synthetic(config, names, synthetic)
+        return _synthetic(config, names)
     recorded = _at_workplace(read_demonstrations(scenario.resolve(config.demonstrations)), config.workplace)
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     notes: set[str] = set()
+    # Made only where a single recording has nothing else to be compared with, and then once.
+    synthetic = cache(lambda: generate_demonstrations(seed=config.seed))
     for name in names:
         if name is None:
             demonstrations.append([])
@@ -89,7 +91,8 @@ def load_people(scenario: Scenario) -> People:
         of_action = [d for d in recorded if d.action == name] or recorded
         reference, played = _reference_and_rest(of_action)
         if reference is None:
-            reference = synthetic.reference(name) if name in synthetic.actions else played[0]
+            known = synthetic()
+            reference = known.reference(name) if name in known.actions else played[0]
             notes.add("compared with a SYNTHETIC reference, as the file holds one recording only")
         else:
             notes.add(f"reference of {reference.subject}, played: {', '.join(sorted({d.subject for d in played}))}")
@@ -104,7 +107,8 @@ def load_people(scenario: Scenario) -> People:
     )
 
 
-def _synthetic(config: HumanConfig, names: list[str | None], synthetic: DemonstrationSet) -> People:
+def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
+    synthetic = generate_demonstrations(seed=config.seed)
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     chosen = synthetic.split(cast(Split, config.split))

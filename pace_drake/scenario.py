@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from pace_drake.errors import InputError
+from pace_drake.errors import InputError, require
 from pace_drake.lcm.config import LcmConfig
 from pace_drake.resources import resource_path
 from pace_drake.stations.workcell import Workcell
@@ -84,44 +84,44 @@ class Scenario:
         names = [action.name for action in self.task.human_actions if not action.joint]
         for group in ("estimator", "elapsed_threshold", "phase_threshold"):
             for name in getattr(self, group):
-                _require(
+                require(
                     name in names,
                     f"{group}.{name}",
                     f"is not a non-joint human action; those are {', '.join(names)}",
                 )
         for name, estimator in self.estimator.items():
-            _require(
+            require(
                 estimator.distance in ("wp", "euclidean", "sqeuclidean"),
                 f"estimator.{name}.distance",
                 f"must be wp, euclidean or sqeuclidean, is {estimator.distance!r}",
             )
-            _require(0 <= estimator.gamma < inf, f"estimator.{name}.gamma", f"must be >= 0, is {estimator.gamma}")
-            _require(
+            require(0 <= estimator.gamma < inf, f"estimator.{name}.gamma", f"must be >= 0, is {estimator.gamma}")
+            require(
                 2 * self.human.sample_period <= estimator.window < inf,
                 f"estimator.{name}.window",
                 f"must hold at least 2 samples of {self.human.sample_period} s, is {estimator.window} [s]",
             )
-        _require(
+        require(
             0 < self.human.sample_period < inf,
             "human.sample_period",
             f"must be > 0 [s], is {self.human.sample_period}",
         )
-        _require(
+        require(
             self.human.split in SPLITS,
             "human.split",
             f"must be one of {', '.join(SPLITS)}, is {self.human.split!r}",
         )
         workplace = self.human.workplace
-        _require(
+        require(
             len(workplace) in (0, 3) and all(isfinite(value) for value in workplace),
             "human.workplace",
             f"must be x, y, z [m] in the world frame, or empty, is {workplace}",
         )
-        _require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")
-        _require(self.max_decisions > 0, "max_decisions", f"must be > 0, is {self.max_decisions}")
+        require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")
+        require(self.max_decisions > 0, "max_decisions", f"must be > 0, is {self.max_decisions}")
         for name in ("decision_timeout", "wait_timeout"):
             value = getattr(self, name)
-            _require(isfinite(value) and value > 0, name, f"must be > 0 [s], is {value}")
+            require(isfinite(value) and value > 0, name, f"must be > 0 [s], is {value}")
 
     def estimator_of(self, action: str) -> EstimatorConfig:
         """The estimator of one human action."""
@@ -145,11 +145,6 @@ class Scenario:
     def to_yaml(self) -> str:
         """The resolved scenario; ``load_scenario`` reads it back equal."""
         return yaml_dump_typed(self, schema=Scenario)
-
-
-def _require(condition: bool, name: str, what: str) -> None:
-    if not condition:
-        raise InputError(f"{name}: {what}")
 
 
 def scenario_names() -> list[str]:

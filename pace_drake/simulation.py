@@ -141,22 +141,27 @@ class Simulation:
                 return Stop.DECISION
             self._react()
 
-    def run(self, max_decisions: int | None = None, progress: Callable[[float], None] | None = None) -> bool:
+    def run(
+        self,
+        max_decisions: int | None = None,
+        observe: Callable[[], None] | None = None,
+        period: float = 10.0,
+    ) -> bool:
         """Runs the episode with the policy inside the diagram.
 
         Args:
             max_decisions: truncates; None takes the scenario's.
-            progress: called with the simulated time [s] about once per simulated second.
+            observe: called every ``period``, and once more at the end; it must not change the context.
+            period: [s] also between looks at the number of decisions.
 
         Returns:
             True if it finished, False if it was truncated.
         """
         limit = self.assembly.scenario.max_decisions if max_decisions is None else max_decisions
-        step = 10.0 if progress is None else 1.0  # [s] between looks at the limit and the progress
         while self.num_decisions <= limit:
-            stop = self.advance(self.time + step)
-            if progress is not None:
-                progress(self.time)
+            stop = self.advance(self.time + period)
+            if observe is not None:
+                observe()
             if stop == Stop.FINISHED:
                 return True
         return False

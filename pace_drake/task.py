@@ -23,7 +23,7 @@ import networkx as nx
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from pace_drake.errors import InputError
+from pace_drake.errors import require
 
 
 class ActionKind(IntEnum):
@@ -43,11 +43,6 @@ class ActionKind(IntEnum):
 DISTRIBUTIONS = ("truncated_gaussian", "log_normal")
 
 
-def _require(condition: bool, name: str, what: str) -> None:
-    if not condition:
-        raise InputError(f"{name}: {what}")
-
-
 @dataclass(kw_only=True)
 class Duration:
     """A random duration (paper, Sec. IV-C; truncated because a Gaussian duration may be negative)."""
@@ -63,14 +58,14 @@ class Duration:
 
     def validate(self, name: str) -> None:
         """Raises InputError that names the field if a value cannot be used."""
-        _require(isfinite(self.mean) and self.mean > 0, f"{name}.mean", f"must be > 0 [s], is {self.mean}")
-        _require(isfinite(self.cv) and self.cv >= 0, f"{name}.cv", f"must be >= 0, is {self.cv}")
-        _require(
+        require(isfinite(self.mean) and self.mean > 0, f"{name}.mean", f"must be > 0 [s], is {self.mean}")
+        require(isfinite(self.cv) and self.cv >= 0, f"{name}.cv", f"must be >= 0, is {self.cv}")
+        require(
             0 <= self.minimum <= self.mean,
             f"{name}.minimum",
             f"must lie in [0, mean = {self.mean}] [s], is {self.minimum}",
         )
-        _require(
+        require(
             self.distribution in DISTRIBUTIONS,
             f"{name}.distribution",
             f"must be one of {', '.join(DISTRIBUTIONS)}, is {self.distribution!r}",
@@ -140,17 +135,17 @@ class Task:
                 consecutive joint actions, a duration that cannot be used, lambda <= 0.
         """
         weight = self.human_idle_weight
-        _require(isfinite(weight) and weight > 0, f"{name}.human_idle_weight", f"lambda must be > 0, is {weight}")
-        _require(bool(self.human_actions), f"{name}.human_actions", "at least one action is needed")
-        _require(bool(self.robot_tasks), f"{name}.robot_tasks", "at least one task is needed")
+        require(isfinite(weight) and weight > 0, f"{name}.human_idle_weight", f"lambda must be > 0, is {weight}")
+        require(bool(self.human_actions), f"{name}.human_actions", "at least one action is needed")
+        require(bool(self.robot_tasks), f"{name}.robot_tasks", "at least one task is needed")
         groups: dict[str, Sequence[HumanAction | RobotTask]]
         groups = {"human_actions": self.human_actions, "robot_tasks": self.robot_tasks}
         for group, actions in groups.items():
             seen: set[str] = set()
             for k, action in enumerate(actions):
                 at = f"{name}.{group}[{k}]"
-                _require(bool(action.name), f"{at}.name", "must not be empty")
-                _require(action.name not in seen, f"{at}.name", f"{action.name!r} is used twice")
+                require(bool(action.name), f"{at}.name", "must not be empty")
+                require(action.name not in seen, f"{at}.name", f"{action.name!r} is used twice")
                 seen.add(action.name)
                 action.duration.validate(f"{at}.duration")
         for k, action in enumerate(self.human_actions):
@@ -158,13 +153,13 @@ class Task:
             if action.assistance is not None:
                 action.assistance.preparation.validate(f"{at}.assistance.preparation")
                 action.assistance.homing.validate(f"{at}.assistance.homing")
-                _require(
+                require(
                     k == 0 or not self.human_actions[k - 1].joint,
                     f"{at}.assistance",
                     f"{action.name!r} follows another joint action; two in a row are not allowed",
                 )
         last = self.human_actions[-1]
-        _require(
+        require(
             last.joint,
             f"{name}.human_actions[{len(self.human_actions) - 1}].assistance",
             f"the last human action must be a joint action, {last.name!r} is not",

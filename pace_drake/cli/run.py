@@ -141,7 +141,7 @@ class _Run:
         import numpy as np
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-        from pace_drake.evaluate.episode import run_episode
+        from pace_drake.evaluate.episode import mean_result, run_episode
         from pace_drake.evaluate.event_log import EventLog
         from pace_drake.files import write_whole
         from pace_drake.simulation import Simulation
@@ -181,9 +181,10 @@ class _Run:
                 if recording:
                     self._write_replay()
             bar.update(item, completed=total)
-        self._write_summary(results)
+        mean = mean_result(results)
+        self._write_summary(results, mean)
         self._draw()
-        self._print_table(results)
+        self._print_table(mean, sum(not result.finished for result in results))
 
     def _write_replay(self) -> None:
         from pace_drake.files import write_whole
@@ -194,9 +195,8 @@ class _Run:
         html = meshcat.StaticHtml()  # type: ignore[attr-defined]
         write_whole(self.out / "replay.html", lambda part: part.write_text(html, encoding="utf-8"))
 
-    def _write_summary(self, results: "list[EpisodeResult]") -> None:
+    def _write_summary(self, results: "list[EpisodeResult]", mean: dict) -> None:
         from pace_drake import __version__
-        from pace_drake.evaluate.episode import mean_result
         from pace_drake.files import write_whole
 
         summary = {
@@ -208,7 +208,7 @@ class _Run:
             "seed": self.seed,
             "human_idle_weight": self.scenario.task.human_idle_weight,
             "episodes": [result.to_json() for result in results],
-            "mean": mean_result(results),
+            "mean": mean,
         }
         text = json.dumps(summary, indent=1) + "\n"
         write_whole(self.out / "summary.json", lambda part: part.write_text(text, encoding="utf-8"))
@@ -227,12 +227,9 @@ class _Run:
             lambda part: draw_timeline(events, self.scenario.task, title, part),
         )
 
-    def _print_table(self, results: "list[EpisodeResult]") -> None:
+    def _print_table(self, mean: dict, num_truncated: int) -> None:
         from rich.table import Table
 
-        from pace_drake.evaluate.episode import mean_result
-
-        mean = mean_result(results)
         task = self.scenario.task
         what = r"idle time \[s]" if self.episodes == 1 else rf"mean idle time over {self.episodes} episodes \[s]"
         table = Table("joint action", "robot waited", "human waited", title=f"{what}, policy {self.scenario.policy}")
@@ -252,9 +249,8 @@ class _Run:
             f"{mean['real_time_factor']:.1f}" + (f"; phase error at decisions {rmse:.3f} rms" if rmse else ""),
             highlight=False,
         )
-        if not mean["finished"]:
-            count = sum(not r.finished for r in results)
+        if num_truncated:
             self.console.print(
-                f"{count} of {self.episodes} episodes truncated after {self.scenario.max_decisions} decisions"
+                f"{num_truncated} of {self.episodes} episodes truncated after {self.scenario.max_decisions} decisions"
             )
         self.console.print(f"run folder: {self.out}", highlight=False, soft_wrap=True)

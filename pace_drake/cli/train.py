@@ -76,7 +76,7 @@ def _finish(
 
     from pace_drake.diagram import Assembly
     from pace_drake.evaluate.episode import mean_result, run_episode
-    from pace_drake.learning.export import export_policy
+    from pace_drake.learning.export import export_policy, write_card
     from pace_drake.policies.factory import make_policy
     from pace_drake.simulation import Simulation
 
@@ -96,7 +96,7 @@ def _finish(
         "people": simulation.assembly.people.description,
     }
     score |= {key: mean[key] for key in ("cost", "robot_idle", "human_idle", "decisions", "phase_rmse")}
-    export_policy(model, scenario, path, {**card, "score": score})
+    write_card(path, scenario, {**card, "score": score})
     console.print(
         f"mean cost over {episodes} episodes ({scenario.human.split} trials): [bold]{mean['cost']:.2f} s[/bold] "
         f"(robot idle {mean['robot_idle']['total']:.2f} s, human idle {mean['human_idle']['total']:.2f} s)",

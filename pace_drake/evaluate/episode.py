@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from pace_drake.evaluate.event_log import EventRecorder
-from pace_drake.simulation import Simulation, Stop
+from pace_drake.simulation import Simulation
 from pace_drake.task import Episode
 
 #: [s] between samples of the phase for the timeline, and between looks at the progress.
@@ -21,7 +21,7 @@ class EpisodeResult:
     Attributes:
         robot_idle, human_idle: (L,) [s] per joint action.
         cost: [s] robot idle + lambda * human idle (Eq. 1).
-        decisions: how many were asked for.
+        decisions: how many were asked for (a whole number, but for a mean).
         finished: False if truncated.
         duration: [s] simulated.
         real_time_factor: simulated over wall time.
@@ -32,7 +32,7 @@ class EpisodeResult:
     robot_idle: tuple[float, ...]
     human_idle: tuple[float, ...]
     cost: float
-    decisions: int
+    decisions: float
     finished: bool
     duration: float
     real_time_factor: float
@@ -77,13 +77,9 @@ def run_episode(
     simulation.listeners = (recorder,)
     human = simulation.assembly.human
     human_context = human.GetMyContextFromRoot(simulation.context)
-    start = perf_counter()
-    simulation.reset(episode)
-    write(0.0, "episode", name="start")
-    stop = Stop.BOUNDARY
-    while stop != Stop.FINISHED and simulation.num_decisions <= scenario.max_decisions:
-        stop = simulation.advance(simulation.time + SAMPLE_PERIOD)
-        if sample_phase and stop == Stop.BOUNDARY:
+
+    def observe() -> None:
+        if sample_phase and not simulation.finished:
             write(
                 simulation.time,
                 "phase",
@@ -92,8 +88,12 @@ def run_episode(
                 progress=human.progress(human_context),
             )
         progress(simulation.time)
+
+    start = perf_counter()
+    simulation.reset(episode)
+    write(0.0, "episode", name="start")
+    finished = simulation.run(observe=observe, period=SAMPLE_PERIOD)
     wall = perf_counter() - start
-    finished = stop == Stop.FINISHED
     recorder.finish(simulation.time)
     write(simulation.time, "episode", name="finished" if finished else "truncated")
     return EpisodeResult(
@@ -111,14 +111,13 @@ def run_episode(
 def mean_result(results: list[EpisodeResult]) -> dict:
     """Means over episodes, in the layout of ``EpisodeResult.to_json``."""
     rmse = [r.phase_rmse**2 for r in results if r.phase_rmse is not None]
-    mean = EpisodeResult(
+    return EpisodeResult(
         robot_idle=tuple(np.mean([r.robot_idle for r in results], axis=0).tolist()),
         human_idle=tuple(np.mean([r.human_idle for r in results], axis=0).tolist()),
         cost=float(np.mean([r.cost for r in results])),
-        decisions=0,
+        decisions=float(np.mean([r.decisions for r in results])),
         finished=all(r.finished for r in results),
         duration=float(np.mean([r.duration for r in results])),
         real_time_factor=sum(r.duration for r in results) / sum(r.duration / r.real_time_factor for r in results),
         phase_rmse=float(np.sqrt(np.mean(rmse))) if rmse else None,
     ).to_json()
-    return {**mean, "decisions": float(np.mean([r.decisions for r in results]))}

@@ -70,8 +70,7 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
     for value in (*proto.graph.value_info, *proto.graph.input, *proto.graph.output):
         del value.metadata_props[:]
     del proto.metadata_props[:]
-    metadata = {"format": FORMAT, "task": task_signature(scenario.task), "scenario": scenario.name}
-    for key, value in metadata.items():
+    for key, value in _metadata(scenario).items():
         entry = proto.metadata_props.add()
         entry.key, entry.value = key, value
     session = onnxruntime.InferenceSession(proto.SerializeToString(), providers=["CPUExecutionProvider"])
@@ -81,5 +80,14 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
     if not np.allclose(exported, trained, atol=1e-4):
         raise RuntimeError(f"{path}: exported and trained policy differ by {np.abs(exported - trained).max()}")
     write_whole(path, lambda part: onnx.save(proto, str(part)))
-    text = json.dumps({**card, **metadata}, indent=1) + "\n"
+    write_card(path, scenario, card)
+
+
+def write_card(path: Path, scenario: Scenario, card: dict) -> None:
+    """Writes, or writes again, the card of the policy at ``path``: the same name, ending in .json."""
+    text = json.dumps({**card, **_metadata(scenario)}, indent=1) + "\n"
     write_whole(path.with_suffix(".json"), lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def _metadata(scenario: Scenario) -> dict[str, str]:
+    return {"format": FORMAT, "task": task_signature(scenario.task), "scenario": scenario.name}

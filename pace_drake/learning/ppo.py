@@ -16,7 +16,7 @@ from pace_drake.scenario import Scenario
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSettings:
-    """Settings that came within 2 % of the best in about 15,000 decisions (docs/learning.md)."""
+    """Settings for few decisions, as each goes through the diagram (docs/learning.md)."""
 
     steps: int = 20_000
     """Decisions to train on."""
