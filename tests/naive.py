@@ -7,34 +7,51 @@ import numpy as np
 # --- Open-end soft-DTW: Algorithm 1 and Eq. 3 of the paper, with the resolutions of the project ---
 
 
-def naive_phase(query, reference, gamma=0.0, distance="wp", window=10):
+def naive_phase(
+    query, reference, gamma=0.0, distance="wp", window=10, steps="symmetric1", normalization="none", **more
+):
     """Phases (m,): lines 7 and 8 of Algorithm 1, with j over [1, n]; ties go to the lowest j."""
-    R = naive_accumulated_cost(query, reference, gamma, distance, window)
+    R = naive_accumulated_cost(query, reference, gamma, distance, window, steps, **more)
     m, n = len(query), len(reference)
     phases = []
     for i in range(1, m + 1):
-        best = 1
-        for j in range(2, n + 1):
-            if R[i, j] < R[i, best]:
-                best = j
-        phases.append((best - 1) / (n - 1))
+        costs = [R[i, j] / naive_length(i, j, steps, normalization) for j in range(1, n + 1)]
+        phases.append(costs.index(min(costs)) / (n - 1))
     return np.array(phases)
 
 
-def naive_accumulated_cost(query, reference, gamma=0.0, distance="wp", window=10):
-    """R (m + 1, n + 1): lines 1 to 6 of Algorithm 1."""
+def naive_length(i, j, steps, normalization):
+    """By what R[i, j] is divided, i and j from 1."""
+    return {"none": 1, "max": max(i, j), "steps": i if steps == "asymmetric" else i + j}[normalization]
+
+
+def naive_accumulated_cost(query, reference, gamma=0.0, distance="wp", window=10, steps="symmetric1", pooled=False):
+    """R (m + 1, n + 1): lines 1 to 6 of Algorithm 1; the window in samples."""
     p, q = np.asarray(query, dtype=float), np.asarray(reference, dtype=float)
     m, n = len(p), len(q)
-    D = np.empty((m, n))
-    for i in range(m):
-        for j in range(n):
-            D[i, j] = naive_distance(p, q, i, j, distance, window)
+    if distance == "derivative":
+        p, q, distance = naive_late_derivative(p), naive_late_derivative(q), "euclidean"
     R = np.full((m + 1, n + 1), math.inf)
     R[0, 0] = 0.0
     for i in range(1, m + 1):
         for j in range(1, n + 1):
-            R[i, j] = D[i - 1, j - 1] + naive_soft_min([R[i - 1, j], R[i, j - 1], R[i - 1, j - 1]], gamma)
+            d = naive_distance(p, q, i - 1, j - 1, distance, window, pooled)
+            above, left, diagonal = R[i - 1, j], R[i, j - 1], R[i - 1, j - 1]
+            if steps == "symmetric2" and (i, j) != (1, 1):
+                diagonal += d
+            elif steps == "asymmetric":
+                left = R[i - 1, j - 2] if j > 2 else math.inf
+            R[i, j] = d + naive_soft_min([above, left, diagonal], gamma)
     return R
+
+
+def naive_late_derivative(x):
+    """At each sample the derivative (Keogh and Pazzani, 2001) at the one before it, at rest before the first."""
+    derivative = []
+    for i in range(len(x)):
+        older, last, this = x[max(i - 2, 0)], x[max(i - 1, 0)], x[i]
+        derivative.append(((last - older) + (this - older) / 2) / 2)
+    return np.array(derivative)
 
 
 def naive_soft_min(values, gamma):
@@ -45,23 +62,26 @@ def naive_soft_min(values, gamma):
     return low - gamma * math.log(sum(math.exp(-(value - low) / gamma) for value in values))
 
 
-def naive_distance(p, q, i, j, distance, window):
+def naive_distance(p, q, i, j, distance, window, pooled=False):
     """delta(p_i, q_j)."""
     if distance == "wp":
-        total = sum(1.0 - naive_correlation(p, q, i, j, axis, window) for axis in range(p.shape[1]))
+        axes = range(p.shape[1])
+        groups = [list(axes)] if pooled else [[axis] for axis in axes]
+        total = sum(1.0 - naive_correlation(p, q, i, j, group, window) for group in groups)
         return round(total * 2**40) / 2**40  # so that rounding doesn't break ties
     square = sum((p[i, axis] - q[j, axis]) ** 2 for axis in range(p.shape[1]))
     return {"sqeuclidean": square, "euclidean": math.sqrt(square)}[distance]
 
 
-def naive_correlation(p, q, i, j, axis, window):
-    """The fraction in Eq. 3, with windows cut to the samples that exist; 0 where it is undefined."""
+def naive_correlation(p, q, i, j, axes, window):
+    """The fraction in Eq. 3, sums over axes, with windows cut to the samples that exist; 0 where it is undefined."""
     k = min(window, i + 1, j + 1)
-    a, b = p[i - k + 1 : i + 1, axis], q[j - k + 1 : j + 1, axis]
-    if k < 2 or all(a == a[0]) or all(b == b[0]):
+    a, b = p[i - k + 1 : i + 1, axes], q[j - k + 1 : j + 1, axes]
+    if k < 2 or (a == a[0]).all() or (b == b[0]).all():
         return 0.0
-    a, b = a - np.mean(a), b - np.mean(b)
-    return np.mean(a * b) / math.sqrt(np.mean(a * a) * np.mean(b * b))
+    a, b = a - np.mean(a, axis=0), b - np.mean(b, axis=0)
+    a, b = a / np.abs(a).max(), b / np.abs(b).max()  # squares of tiny or huge samples are no numbers
+    return np.sum(a * b) / math.sqrt(np.sum(a * a) * np.sum(b * b))
 
 
 def naive_episode(task, episode, decide, max_decisions=200):
@@ -106,3 +126,21 @@ def naive_episode(task, episode, decide, max_decisions=200):
         remaining = segment(joint) - home
         human_idle[joint - 1] += max(0.0, -remaining)
     return robot_idle, human_idle, times, False
+
+
+def naive_duration_posterior(z, elapsed, calibration, num=200_001):
+    """(T (num,) [s], its posterior (num,)) of an action that goes on, by Bayes' rule on a fine grid of log T."""
+    c = calibration
+
+    def curve(values):
+        return np.interp(z, np.linspace(0, 1, len(values)), values)
+
+    from_mean = np.linspace(-12.0, 12.0, num) * c.duration_log_std
+    log_T = c.duration_log_mean + from_mean
+    log_p = -0.5 * (from_mean / c.duration_log_std) ** 2
+    if elapsed > 0.0:
+        expected = log_T + curve(c.offset) + curve(c.slope) * from_mean
+        log_p -= 0.5 * ((math.log(elapsed / z) - expected) / curve(c.std)) ** 2
+        log_p[np.exp(log_T) <= elapsed] = -math.inf
+    p = np.exp(log_p - log_p.max())
+    return np.exp(log_T), p / p.sum()
