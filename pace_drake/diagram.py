@@ -9,6 +9,7 @@ from pace_drake.people import People, load_people
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
+from pace_drake.systems.action_monitor import ActionMonitor
 from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
@@ -31,16 +32,20 @@ class Assembly(Diagram):
     Exported inputs:
         assist (1): the decision; only without a policy.
         start, stop, fault, ack (1 each): the operator's; they may stay unconnected.
+        button (1): how often the person has said "done"; only where an action monitor stands in for the truth; it may
+            stay unconnected.
 
     Exported outputs:
         mode, robot_task, joint_action, robot_action, decision_pending, finished (task_statechart);
-        p_WH, human_action, human_elapsed, human_waiting (human); phase; observation;
+        p_WH, human_action, human_elapsed, human_waiting (human: the truth); phase, phase_rate, remaining_time
+        (phase_estimator); observation;
         robot_idle, human_idle, cost (idle_meter); those of the station.
 
     Attributes:
         scenario: what it was built from.
         people: the demonstrations in it.
         human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems.
+        action_monitor: what the robot knows of the person by observation; None where it is told.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
         reaction_period: [s] or None; see below.
@@ -84,7 +89,7 @@ class Assembly(Diagram):
             "Tdec": scenario.decision_timeout,
             "Twait": scenario.wait_timeout,
         }
-        known = compiled.chart.parameters
+        declared = compiled.chart.parameters
         builder = DiagramBuilder()
 
         def add(system):
@@ -92,12 +97,12 @@ class Assembly(Diagram):
 
         period = scenario.human.sample_period
         self.human: Human = add(Human(task, self.people.demonstrations, period, reaction_period))
-        self.phase_estimator: PhaseEstimator = add(PhaseEstimator(self.people.kernels(scenario), period))
+        self.phase_estimator: PhaseEstimator = add(PhaseEstimator(self.people.estimators(scenario), period))
         self.observation: Observation = add(Observation())
         self.task_statechart: TaskStatechart = add(
             TaskStatechart(
                 compiled,
-                compiled.parameters(**{name: value for name, value in parameters.items() if name in known}),
+                compiled.parameters(**{name: value for name, value in parameters.items() if name in declared}),
                 # A first decision at t = 0 sees the last robot task as done (docs/departures.md).
                 compiled.initial_state(i=task.num_robot_tasks if scenario.decide_at_start else 1),
                 reaction_period,
@@ -105,6 +110,10 @@ class Assembly(Diagram):
         )
         self.robot_action: RobotAction = add(RobotAction(task, motions, reaction_period=reaction_period))
         self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
+        self.action_monitor: ActionMonitor | None = None
+        if scenario.human.monitor != "told":
+            detectors = self.people.end_detectors(scenario)
+            self.action_monitor = add(ActionMonitor(task, detectors, period, reaction_period))
         self.decision: Decision | None = None
         self.station = station
         self.reaction_period = reaction_period
@@ -112,6 +121,7 @@ class Assembly(Diagram):
             self.task_statechart,
             self.robot_action,
             self.human,
+            *([] if self.action_monitor is None else [self.action_monitor]),
             self.idle_meter,
         )
 
@@ -119,15 +129,23 @@ class Assembly(Diagram):
             if target.HasInputPort(input):
                 builder.Connect(source.GetOutputPort(output), target.GetInputPort(input))
 
-        connect(self.human, "p_WH_sampled", self.phase_estimator, "p_WH")
-        connect(self.human, "human_action", self.phase_estimator, "human_action")
+        # What the robot knows of the person: told, or observed.
+        known: LeafSystem = self.human
+        if self.action_monitor is not None:
+            known = self.action_monitor
+            connect(self.human, "p_WH", self.action_monitor, "p_WH")
+            connect(self.human, "joints_done", self.action_monitor, "joints_done")
+            builder.ExportInput(self.action_monitor.GetInputPort("button"), "button")
+        # The tracker's clock restarts with each true action; where that is not known the hand itself is sampled.
+        connect(self.human, "p_WH_sampled" if known is self.human else "p_WH", self.phase_estimator, "p_WH")
+        connect(known, "human_action", self.phase_estimator, "human_action")
         connect(self.task_statechart, "robot_task", self.observation, "robot_task")
-        connect(self.human, "human_action", self.observation, "human_action")
-        connect(self.human, "human_elapsed", self.observation, "human_elapsed")
+        connect(known, "human_action", self.observation, "human_action")
+        connect(known, "human_elapsed", self.observation, "human_elapsed")
         connect(self.phase_estimator, "phase", self.observation, "phase")
         connect(self.robot_action, "motion_done", self.task_statechart, "done")
         connect(self.robot_action, "robot_busy", self.task_statechart, "rb")
-        connect(self.human, "human_joint", self.task_statechart, "hj")
+        connect(known, "human_joint", self.task_statechart, "hj")
         connect(self.human, "joints_done", self.task_statechart, "nj")
         connect(self.task_statechart, "robot_action", self.robot_action, "robot_action")
         connect(self.task_statechart, "joint_ready", self.human, "joint_ready")
@@ -160,7 +178,7 @@ class Assembly(Diagram):
                 ("mode", "robot_task", "joint_action", "robot_action", "decision_pending", "finished"),
             ),
             (self.human, ("p_WH", "human_action", "human_elapsed", "human_waiting")),
-            (self.phase_estimator, ("phase",)),
+            (self.phase_estimator, ("phase", "phase_rate", "remaining_time")),
             (self.observation, ("observation",)),
             (self.idle_meter, ("robot_idle", "human_idle", "cost")),
         ):

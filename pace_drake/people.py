@@ -1,5 +1,6 @@
 """Whose hands a scenario sees: the demonstrations that are played and the references they are compared with."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import cast
@@ -8,9 +9,13 @@ import numpy as np
 
 from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
 from pace_drake.demos.model import Split
-from pace_drake.dtw import Distance, OpenEndKernel
-from pace_drake.errors import InputError
-from pace_drake.scenario import SYNTHETIC, HumanConfig, Scenario
+from pace_drake.dtw.end import EndDetector
+from pace_drake.dtw.estimator import Estimator
+from pace_drake.dtw.estimator_file import ActionEstimator, read_estimator_file
+from pace_drake.dtw.filter import Calibration, PhaseFilter
+from pace_drake.dtw.open_end import Distance, OpenEndSoftDTW
+from pace_drake.errors import InputError, require
+from pace_drake.scenario import SYNTHETIC, EstimatorConfig, HumanConfig, Scenario
 from pace_drake.task import Episode, sample_episode
 
 
@@ -21,33 +26,82 @@ class People:
     Attributes:
         demonstrations: per human action those that are played; empty for joint actions.
         references: per human action the reference of its estimator; None for joint actions.
+        training: per human action other demonstrations, of known people, that an estimator may learn from; empty for
+            joint actions and for recordings, which are all played.
         rescale: whether durations are drawn and time axes rescaled to them (paper, Sec. IV-C), or kept as recorded.
         description: one line for people: where the hands come from.
     """
 
     demonstrations: list[list[Demonstration]]
     references: list[Demonstration | None]
+    training: list[list[Demonstration]]
     rescale: bool
     description: str
 
-    def kernels(self, scenario: Scenario) -> list[OpenEndKernel | None]:
-        """The phase estimator of each human action, None for joint actions."""
+    def estimators(self, scenario: Scenario) -> list[Estimator | None]:
+        """The phase estimator of each human action, None for joint actions.
+
+        A filter stands over the alignment wherever it can be calibrated: from an estimator file, or from training
+        trials. Where the scenario does not ask for its phase, it only adds rate and remaining time.
+
+        Raises:
+            InputError: the estimator file cannot be used, or an action is to be fused that nothing calibrates.
+        """
         period = scenario.human.sample_period
-        kernels: list[OpenEndKernel | None] = []
-        for action, reference in zip(scenario.task.human_actions, self.references, strict=True):
+        tuned = _estimator_file(scenario)
+        estimators: list[Estimator | None] = []
+        for action, reference, training in zip(
+            scenario.task.human_actions, self.references, self.training, strict=True
+        ):
             if reference is None:
-                kernels.append(None)
+                estimators.append(None)
                 continue
             config = scenario.estimator_of(action.name)
-            kernels.append(
-                OpenEndKernel(
-                    reference.resample(period).p_WH,
-                    gamma=config.gamma,
-                    distance=cast(Distance, config.distance),
-                    window=round(config.window / period),
+            alignment, calibration = _alignment(config, reference, period), None
+            if action.name in tuned:
+                alignment, calibration = tuned[action.name].alignment(period), tuned[action.name].calibration
+            elif len(training) > 1:
+                phases = alignment.phases([d.resample(period).p_WH for d in training])
+                num_people = len({d.subject for d in (reference, *training)})
+                calibration = Calibration.fit(
+                    phases, reference.duration, period, num_people if num_people > 1 else None
                 )
-            )
-        return kernels
+            if calibration is None:
+                require(
+                    not config.fused,
+                    f"estimator.{action.name}.fused",
+                    "needs an estimator_file (pace tune): recorded hands that are played calibrate nothing",
+                )
+                estimators.append(alignment)
+            else:
+                estimators.append(PhaseFilter(alignment, calibration, fused=config.fused))
+        return estimators
+
+    def end_detectors(self, scenario: Scenario) -> list[EndDetector | None]:
+        """The end detector of each human action; None for joint actions, and everywhere if only the button counts.
+
+        The hand ends an action where it does in the training trials, or, without any, in the reference.
+
+        Raises:
+            InputError: an action has no calibrated filter.
+        """
+        if scenario.human.monitor == "button":
+            return [None] * len(self.references)
+        detectors: list[EndDetector | None] = []
+        for action, estimator, reference, training in zip(
+            scenario.task.human_actions, self.estimators(scenario), self.references, self.training, strict=True
+        ):
+            if reference is None:
+                detectors.append(None)
+                continue
+            if not isinstance(estimator, PhaseFilter):
+                raise InputError(
+                    f"human.monitor: the end of {action.name} cannot be detected without a calibrated filter; name an"
+                    " estimator_file (pace tune), or use the button"
+                )
+            goal = np.mean([d.p_WH[-1] for d in (reference, *training)], axis=0)
+            detectors.append(EndDetector(estimator, goal))
+        return detectors
 
     def sample(self, scenario: Scenario, rng: np.random.Generator) -> Episode:
         """Draws one episode; with recorded hands as recorded, their durations are the recordings'."""
@@ -102,6 +156,7 @@ def load_people(scenario: Scenario) -> People:
     return People(
         demonstrations,
         references,
+        [[] for _ in names],
         False,
         f"{kind} hands from {config.demonstrations} ({'; '.join(sorted(notes))})",
     )
@@ -111,14 +166,17 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     synthetic = generate_demonstrations(seed=config.seed)
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
-    chosen = synthetic.split(cast(Split, config.split))
+    training: list[list[Demonstration]] = []
+    chosen, known = synthetic.split(cast(Split, config.split)), synthetic.split("train")
     for name in names:
         if name is None:
             demonstrations.append([])
             references.append(None)
+            training.append([])
         elif name in synthetic.actions:
             demonstrations.append(list(chosen.of(name)))
             references.append(chosen.reference(name))
+            training.append(list(known.of(name)))
         else:
             raise InputError(
                 f"human.demonstrations: the synthetic set has no action {name!r}; it has "
@@ -127,9 +185,40 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     return People(
         demonstrations,
         references,
+        training,
         True,
         f"SYNTHETIC people (seed {config.seed}, {config.split} trials), not recordings",
     )
+
+
+def _alignment(config: EstimatorConfig, reference: Demonstration, period: float) -> OpenEndSoftDTW:
+    return OpenEndSoftDTW(
+        reference.resample(period).p_WH,
+        config.gamma,
+        cast(Distance, config.distance),
+        config.window,
+        sample_period=period,
+    )
+
+
+def _estimator_file(scenario: Scenario) -> Mapping[str, ActionEstimator]:
+    if not scenario.estimator_file:
+        return {}
+    path = scenario.resolve(scenario.estimator_file)
+    found = read_estimator_file(path)
+    require(
+        abs(found.sample_period - scenario.human.sample_period) < 1e-9,
+        f"{path}",
+        f"was tuned for samples every {found.sample_period:g} s, not {scenario.human.sample_period:g} s: set"
+        " human.sample_period, or tune anew",
+    )
+    names = [action.name for action in scenario.task.human_actions if not action.joint]
+    require(
+        any(name in names for name in found.actions),
+        f"{path}",
+        f"holds no action of the task; it has {', '.join(found.actions)}, the task {', '.join(names)}",
+    )
+    return found.actions
 
 
 def _at_workplace(recorded: list[Demonstration], workplace: list[float]) -> list[Demonstration]:

@@ -16,6 +16,7 @@ from pace_drake.task import Task
 
 SYNTHETIC = "synthetic"
 SPLITS = ("train", "validation", "all")
+MONITORS = ("told", "detector", "button")
 
 
 @dataclass(kw_only=True)
@@ -28,6 +29,8 @@ class EstimatorConfig:
     """[cost] smoothing of the minimum (Algorithm 1, line 5); 0 is the hard minimum."""
     window: float = 1.0
     """[s] window of the Windowed-Pearson distance; at least two samples."""
+    fused: bool = False
+    """Whether the phase is the Bayesian filter's (alignment and elapsed time) instead of the alignment's alone."""
 
 
 @dataclass(kw_only=True)
@@ -42,6 +45,9 @@ class HumanConfig:
     """Which synthetic trials are played: ``train``, ``validation`` (the last trial of each subject) or ``all``."""
     sample_period: float = 0.1
     """[s] of the hand tracker (the paper: 10 Hz)."""
+    monitor: str = "told"
+    """How the robot knows which action the person is in: ``told`` (the simulated person's truth), ``detector`` (the
+    hand and the button), or ``button`` (the exported input ``button`` alone)."""
     workplace: list[float] = field(default_factory=lambda: [0.85, 0.0, 0.15])
     """[m] in world: recordings are moved, all by one vector, so that their mean lies here, as their frame is the
     recorder's; empty: they are in the world frame already. Differences, and so phases, are not changed."""
@@ -57,6 +63,8 @@ class Scenario:
     human: HumanConfig = field(default_factory=HumanConfig)
     estimator: dict[str, EstimatorConfig] = field(default_factory=dict)
     """Per non-joint human action, by name; the default estimator where none is given."""
+    estimator_file: str = ""
+    """A file that ``pace tune`` wrote; for the actions in it, it replaces distance, gamma, window and reference."""
     statechart: str = "pace_task"
     """Name of a chart in statecharts/, or a file ending in .scxml."""
     decide_at_start: bool = True
@@ -110,6 +118,11 @@ class Scenario:
             self.human.split in SPLITS,
             "human.split",
             f"must be one of {', '.join(SPLITS)}, is {self.human.split!r}",
+        )
+        require(
+            self.human.monitor in MONITORS,
+            "human.monitor",
+            f"must be one of {', '.join(MONITORS)}, is {self.human.monitor!r}",
         )
         workplace = self.human.workplace
         require(

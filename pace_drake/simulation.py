@@ -58,7 +58,8 @@ class Simulation:
         ]
         self._clocks = [
             (system.GetOutputPort("next_event_time"), system.GetMyContextFromRoot(self.context))
-            for system in (assembly.human, assembly.robot_action, assembly.task_statechart)
+            for system in assembly.reactive
+            if system.HasOutputPort("next_event_time")
         ]
         chart = assembly.task_statechart
         self._chart_context = chart.GetMyContextFromRoot(self.context)

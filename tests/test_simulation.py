@@ -1,5 +1,7 @@
 """The diagram at the task level: exact events, closed forms, repeatability."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,7 +60,7 @@ def test_idle_times_equal_the_closed_forms_of_the_chair(chair, chair_people):
 
     Idle times do not depend on the phase when decisions come from outside, so the estimator is left out for speed.
     """
-    blind = People(chair_people.demonstrations, [None] * chair.task.num_human_actions, True, "no estimator")
+    blind = replace(chair_people, references=[None] * chair.task.num_human_actions, description="no estimator")
     compare(Simulation(Assembly(chair, people=blind)), 1000, seed=1)
 
 
@@ -84,7 +86,7 @@ def test_idle_times_equal_the_closed_forms_of_random_tasks():
         n = task.num_human_actions
         scenario = Scenario(name="random", task=task)
         scenario.validate()
-        people = People([[] for _ in range(n)], [None] * n, True, "nobody")
+        people = People([[] for _ in range(n)], [None] * n, [[] for _ in range(n)], True, "nobody")
         compare(Simulation(Assembly(scenario, people=people)), 10, seed=k)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pace_drake.diagram import Assembly
-from pace_drake.people import People, load_people
+from pace_drake.people import load_people
 from pace_drake.policies.rules import Threshold, joint_actions
 from pace_drake.scenario import Scenario
 from pace_drake.simulation import Simulation
@@ -63,7 +63,7 @@ def search_thresholds(
     task = scenario.task
     people = load_people(scenario)
     if element == 2:  # the phase is not looked at: spare the estimator's time
-        people = People(people.demonstrations, [None] * task.num_human_actions, people.rescale, people.description)
+        people = replace(people, references=[None] * task.num_human_actions)
     candidates = ELAPSED_FRACTIONS if element == 2 else PHASES
     scale = np.array([a.duration.mean if element == 2 else 1.0 for a in task.human_actions])
     joint = joint_actions(task)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from pace_drake.dtw import OpenEndKernel, phase
+from pace_drake.dtw import OpenEndSoftDTW
 from pace_drake.systems.phase_estimator import PhaseEstimator
 
 
@@ -16,7 +16,7 @@ def references():
 
 @pytest.fixture(scope="module")
 def dut(references):
-    first, second = (OpenEndKernel(r, gamma=0.1, distance="wp", window=8) for r in references)
+    first, second = (OpenEndSoftDTW(r, 0.1, window=0.8) for r in references)
     return PhaseEstimator([first, None, second], sample_period=0.1)
 
 
@@ -37,7 +37,7 @@ def test_streaming_equals_batch_and_a_new_action_starts_afresh(dut, references):
             time += 0.1
             simulator.AdvanceTo(time - 0.05)
             estimated.append(dut.GetOutputPort("phase").Eval(context)[0])
-        expected = phase(query, reference, gamma=0.1, distance="wp", window=8)
+        expected = OpenEndSoftDTW(reference, 0.1, window=0.8).phase(query)
         assert np.array_equal(estimated, expected)
         assert 0 < estimated[-1] < 1
 
