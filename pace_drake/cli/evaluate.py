@@ -1,0 +1,95 @@
+"""``pace evaluate``: how good the parts are; so far the phase estimators."""
+
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
+from pace_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from pace_drake.evaluate.phase_report import Table
+
+
+@click.group("evaluate", short_help="Compare phase estimators.")
+def command() -> None:
+    """Measure how good the parts are."""
+
+
+@command.command("phase", short_help="Compare phase estimators, tuned on training signals, on held-out people.")
+@data_option
+@seed_option
+@trials_option
+@jobs_option
+@click.option(
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the MSE by action, estimator and part to this file; an older one is replaced.",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for scores.csv, fig7.png, errors.png, index.html.")
+def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, out: Path | None) -> None:
+    """Tune and fit phase estimators on training signals, and compare them on those and on what was held out.
+
+    The truth is a linear phase. Remaining times in [s]; p50 and p99 are wall times of one update. Same command, same
+    numbers (but the wall times), whatever --jobs.
+    """
+    from rich.console import Console
+
+    if json_file is not None and not json_file.parent.is_dir():
+        raise InputError(f"{json_file.parent}: no such folder")
+    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+
+    from pace_drake.evaluate.phase import evaluate, fit_all, searches
+    from pace_drake.evaluate.phase_report import tables, write_report
+    from pace_drake.evaluate.tuning import load_signals
+    from pace_drake.files import write_whole
+
+    signals = load_signals(data, seed)
+    jobs_to_do = searches(signals, trials, seed)
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{out}: cannot make the folder: {error.strerror}") from None
+    console = Console()
+    console.print(signals.description, highlight=False, soft_wrap=True)
+    try:
+        fitted = fit_all(signals, run_with_progress(jobs_to_do, jobs, trials))
+        with console.status("scoring"):
+            evaluation = evaluate(signals, fitted)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("nothing was written") from None
+    for table in tables(evaluation):
+        console.print(_rich_table(table))
+    if json_file is not None:
+        text = json.dumps(evaluation.mse(), indent=1, allow_nan=False) + "\n"
+        write_whole(json_file, lambda part: part.write_text(text, encoding="utf-8"))
+    if out is not None:
+        command_line = f"pace evaluate phase --data {shlex.quote(data)} --seed {seed} --trials {trials}"
+        write_report(out, evaluation, command_line)
+        console.print(f"report: {out / 'index.html'}", highlight=False, soft_wrap=True)
+
+
+def _rich_table(table: "Table") -> object:
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table as RichTable
+
+    # Narrow enough for 80 columns.
+    drawn = RichTable(
+        title=f"\n{escape(table.title)}",
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    for k, name in enumerate(table.columns):
+        drawn.add_column(escape(name), justify="right" if k else "left", no_wrap=True)
+    for row in table.rows:
+        drawn.add_row(*map(escape, row))
+    return drawn
