@@ -6,15 +6,15 @@ are those of best times. Libraries that are not installed are left out, and name
 
 import importlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from threadpoolctl import threadpool_limits
 
-from pace_drake.dtw import OpenEndSoftDTW
+from pace_drake.dtw import Distance, OpenEndSoftDTW
 
 QUERY, REFERENCE, AXES = 600, 550, 3  # samples: a minute at 10 Hz
 PERIOD = 0.1  # [s]
@@ -47,6 +47,7 @@ def others(query: NDArray, reference: NDArray) -> Iterator[tuple[str, str, Calla
 
     def tslearn() -> Run:
         soft_dtw = importlib.import_module("tslearn.metrics").soft_dtw
+        importlib.import_module("threadpoolctl").threadpool_limits(1)  # of its matrix product; came with it
         return lambda: soft_dtw(query, reference, gamma=GAMMA)
 
     def dtaidistance() -> Run:
@@ -66,10 +67,11 @@ def whole_queries(console: Console, query: NDArray, reference: NDArray) -> None:
     """All phases of a query, and what others compute of it: the last cost only."""
     runs: dict[str, Run] = {}
     meaning: dict[str, str] = {}
-    for distance, gamma in (("wp", GAMMA), ("wp", 0.0), ("euclidean", GAMMA), ("euclidean", 0.0)):
+    cases: list[tuple[Distance, float]] = [("wp", GAMMA), ("wp", 0.0), ("euclidean", GAMMA), ("euclidean", 0.0)]
+    for distance, gamma in cases:
         name = f"pace_drake, {distance}, gamma {gamma:g}"
-        estimator = OpenEndSoftDTW(reference, gamma, distance, sample_period=PERIOD)  # type: ignore[arg-type]
-        runs[name], meaning[name] = lambda estimator=estimator: estimator.phase(query), f"all {QUERY} phases"
+        runs[name] = partial(OpenEndSoftDTW(reference, gamma, distance, sample_period=PERIOD).phase, query)
+        meaning[name] = f"all {QUERY} phases"
     for name, what, make in others(query, reference):
         try:
             runs[name], meaning[name] = make(), what
@@ -138,10 +140,7 @@ def many_queries(console: Console, reference: NDArray) -> None:
     rng = np.random.default_rng(2)
     queries = [walk(rng, QUERY) for _ in range(1000)]
     estimator = OpenEndSoftDTW(reference, GAMMA, sample_period=PERIOD)
-    seconds = in_turns(
-        {f"{k} threads": lambda k=k: estimator.phases(queries, num_threads=k) for k in (1, 2)},  # type: ignore[misc]
-        rounds=3,
-    )
+    seconds = in_turns({f"{k} threads": partial(estimator.phases, queries, num_threads=k) for k in (1, 2)}, rounds=3)
     one, two = (times.min() for times in seconds.values())
     table = Table("", "best [s]", "queries a second", title=f"{len(queries)} queries, wp, gamma {GAMMA:g}")
     for name, best in (("1 thread", one), ("2 threads", two)):
@@ -154,10 +153,9 @@ def main() -> None:
     console = Console()
     rng = np.random.default_rng(0)
     query, reference = walk(rng, QUERY), walk(rng, REFERENCE)
-    with threadpool_limits(1):
-        whole_queries(console, query, reference)
-        streaming(console, query, reference)
-        many_queries(console, reference)
+    whole_queries(console, query, reference)
+    streaming(console, query, reference)
+    many_queries(console, reference)
 
 
 if __name__ == "__main__":

@@ -21,9 +21,11 @@ def test_ten_lines_of_python(capsys):
 def test_the_phase_estimator_alone():
     t = np.linspace(0, 6, 80)
     path = np.column_stack([np.sin(t), np.cos(2 * t), t])
-    names = {"reference": path, "hand": path}
-    exec(BLOCKS[1], names)
+    names = {"reference": path, "hand": path, "demonstrations": [path[::2], path, np.repeat(path, 2, axis=0)]}
+    exec(BLOCKS[1].replace("phase, phase_std", "phases, phase_std"), names)
     assert names["phase"] == 1.0
+    assert names["phases"].shape == (80,)
+    assert (names["remaining_time"] > 0.0).all()
 
 
 def test_every_link_leads_somewhere():

@@ -1,7 +1,8 @@
 """The compiled code of open-end soft-DTW: local distances, and the recursion of Algorithm 1.
 
 All of it stands in one file, because numba's cache does not notice that a function in another file has changed. No
-function uses ``fastmath`` and none calls the C library's exp or log: every machine gives the same bits.
+function uses ``fastmath`` and none calls the C library's exp or log: every machine gives the same bits. Sums of
+products are fused by name, never where a compiler sees fit.
 
 One more query sample costs O(n d) for a reference (n, d), whatever the window, and allocates nothing:
 
@@ -81,7 +82,7 @@ def _fused(_, a, b, c):
 # The bits of a float64 as int64, and the float64 that has these bits.
 _bits: Any = intrinsic(_bits_of_float)
 _float: Any = intrinsic(_float_of_bits)
-# a * b + c, rounded once: half the time, and the same bits also on a machine that has no such instruction.
+# a * b + c, rounded once; slow on a machine without such an instruction, but with the same bits.
 _fma: Any = intrinsic(_fused)
 
 # Division by zero gives inf or NaN, as in numpy: a check would keep loops from vectorising.
@@ -312,28 +313,28 @@ def _grown_error(w, p, q):
 @_inner
 def _correlation(memory, w, k, reference, j, axis, size):
     """Correlation of the last k query samples with the k reference samples up to q_j, on `size` axes, directly."""
-    pp = qq = pq = largest_p = largest_q = 0.0
-    for measured in (False, True):
-        for a in range(axis, axis + size):
-            p = memory[a * (4 * w + 4) + w - k : a * (4 * w + 4) + w]
-            q = reference[a, j + 1 - k : j + 1]
-            mean_p = mean_q = 0.0
-            if not measured:
-                for b in range(k):
-                    largest_p, largest_q = max(largest_p, abs(p[b] - p[0])), max(largest_q, abs(q[b] - q[0]))
-                continue
-            for b in range(k):
-                mean_p += (p[b] - p[0]) / largest_p
-                mean_q += (q[b] - q[0]) / largest_q
-            mean_p /= k
-            mean_q /= k
-            for b in range(k):
-                x, y = (p[b] - p[0]) / largest_p - mean_p, (q[b] - q[0]) / largest_q - mean_q
-                pp += x * x
-                qq += y * y
-                pq += x * y
-        if largest_p == 0.0 or largest_q == 0.0:
-            return 0.0
+    # In units of the largest deviation from the window's first sample, as squares of tiny or huge ones are no numbers.
+    unit_p = unit_q = 0.0
+    for a in range(axis, axis + size):
+        p, q = memory[a * (4 * w + 4) + w - k : a * (4 * w + 4) + w], reference[a, j + 1 - k : j + 1]
+        for b in range(1, k):
+            unit_p, unit_q = max(unit_p, abs(p[b] - p[0])), max(unit_q, abs(q[b] - q[0]))
+    if unit_p == 0.0 or unit_q == 0.0:
+        return 0.0
+    pp = qq = pq = 0.0
+    for a in range(axis, axis + size):
+        p, q = memory[a * (4 * w + 4) + w - k : a * (4 * w + 4) + w], reference[a, j + 1 - k : j + 1]
+        mean_p = mean_q = 0.0
+        for b in range(1, k):
+            mean_p += (p[b] - p[0]) / unit_p
+            mean_q += (q[b] - q[0]) / unit_q
+        mean_p /= k
+        mean_q /= k
+        for b in range(k):
+            x, y = (p[b] - p[0]) / unit_p - mean_p, (q[b] - q[0]) / unit_q - mean_q
+            pp += x * x
+            qq += y * y
+            pq += x * y
     return pq / (np.sqrt(pp) * np.sqrt(qq))
 
 

@@ -71,9 +71,10 @@ def test_the_table_says_what_was_found(data, estimators, tmp_path, capsys):
     assert again.read_bytes() == out.read_bytes()
     assert [path.read_bytes() for path in sorted(journal.iterdir())] == before
     # It is of these data, this seed and these stretches alone.
-    other = refused(capsys, "tune", *arguments, "--seed", 1, "--out", tmp_path / "other.yaml")
-    assert "00-lift.jsonl: belongs to another search" in other
-    assert not (tmp_path / "other.yaml").exists()
+    for change in (("--seed", 1), ("--no-stretch",)):
+        other = refused(capsys, "tune", *arguments, *change, "--out", tmp_path / "other.yaml")
+        assert "00-lift.jsonl: belongs to another search" in other
+        assert not (tmp_path / "other.yaml").exists()
 
 
 def test_ctrl_c_and_the_same_command_again(data, estimators, tmp_path):

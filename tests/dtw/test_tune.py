@@ -81,13 +81,21 @@ def test_candidates_are_ranked_by_their_best_probe():
     assert best == sorted(best)
 
 
-def test_optuna_stays_as_it_was_and_says_nothing(capfd):
+def test_optuna_is_quiet_and_linear_algebra_has_one_thread_during_a_search_only():
     import optuna
+    from threadpoolctl import threadpool_info, threadpool_limits
 
+    def state():
+        return optuna.logging.get_verbosity(), {pool["num_threads"] for pool in threadpool_info()}
+
+    states = []
     before = optuna.logging.get_verbosity()
-    tuned(metrics=(EU,), trials=1)
-    assert optuna.logging.get_verbosity() == before
-    assert capfd.readouterr() == ("", "")
+    optuna.logging.set_verbosity(optuna.logging.INFO)
+    with threadpool_limits(2):
+        tuned(metrics=(EU,), trials=1, on_trial=lambda *_: states.append(state()))
+        states.append(state())
+    optuna.logging.set_verbosity(before)
+    assert states == [(optuna.logging.ERROR, {1}), (optuna.logging.INFO, {2})]
 
 
 def test_trials_in_the_journal_are_within_the_ranges_and_shared_among_the_metrics(whole):
