@@ -57,7 +57,7 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
         except OSError as error:
             raise InputError(f"{out}: cannot make the folder: {error.strerror}") from None
     console = Console()
-    console.print(signals.description, highlight=False, soft_wrap=True)
+    console.print(signals.description, markup=False, highlight=False, soft_wrap=True)
     try:
         fitted = fit_all(signals, run_with_progress(jobs_to_do, jobs, trials))
         with console.status("scoring"):
@@ -72,7 +72,7 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
     if out is not None:
         command_line = f"pace evaluate phase --data {shlex.quote(data)} --seed {seed} --trials {trials}"
         write_report(out, evaluation, command_line)
-        console.print(f"report: {out / 'index.html'}", highlight=False, soft_wrap=True)
+        console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)
 
 
 def _rich_table(table: "Table") -> object:

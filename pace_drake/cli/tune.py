@@ -98,7 +98,7 @@ def command(
     except OSError as error:
         raise InputError(f"{folder}: cannot make the folder for the trials: {error.strerror}") from None
     console = Console()
-    console.print(signals.description, highlight=False, soft_wrap=True)
+    console.print(signals.description, markup=False, highlight=False, soft_wrap=True)
     try:
         tuned = run_with_progress(searches, jobs, trials)
     except KeyboardInterrupt:
@@ -109,7 +109,7 @@ def command(
             file.unlink()
         folder.rmdir()
     console.print(_table(signals, tuned, stretches))
-    console.print(f"estimators: {out}", highlight=False, soft_wrap=True)
+    console.print(f"estimators: {out}", markup=False, highlight=False, soft_wrap=True)
 
 
 def run_with_progress(searches: "Sequence[Job]", jobs: int, trials: int) -> "list[Tuned]":
@@ -123,7 +123,7 @@ def run_with_progress(searches: "Sequence[Job]", jobs: int, trials: int) -> "lis
 
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("best MSE {task.fields[best]:.4f}"),
@@ -146,22 +146,23 @@ def run_with_progress(searches: "Sequence[Job]", jobs: int, trials: int) -> "lis
 
 def _table(signals: "SignalSet", tuned: "Sequence[Tuned]", stretches: Sequence[float]) -> object:
     from rich import box
+    from rich.markup import escape
     from rich.table import Table
 
     from pace_drake.evaluate.tuning import left_out_time_score
 
     title = f"{'SYNTHETIC data: ' * signals.synthetic}mean squared errors of the phase, on training signals"
     caption = "left out: on each person, tuned without them; time only: likewise, from the others' mean duration"
-    table = Table(box=box.SIMPLE_HEAD, title=title, caption=caption)
+    table = Table(box=box.SIMPLE_HEAD, title=title, caption=caption, pad_edge=False, collapse_padding=True)
     for name in ("action", "reference", "metric"):
         table.add_column(name)
-    for name in ("gamma", r"window \[s]", "train", "left out", "time only"):
+    for name in ("gamma", "window\n\\[s]", "train", "left\nout", "time\nonly"):
         table.add_column(name, justify="right")
     for action, one in zip(signals.actions, tuned, strict=True):
         setting, reference = one.setting, action.train[one.setting.reference]
         table.add_row(
-            action.action,
-            f"{reference.subject}, {reference.trial}",
+            escape(action.action),
+            escape(f"{reference.subject}, {reference.trial}"),
             setting.distance,
             f"{setting.gamma:g}",
             f"{setting.window:g}" if setting.distance == "wp" else "-",

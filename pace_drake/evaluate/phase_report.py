@@ -201,7 +201,9 @@ def draw_errors(path: Path, evaluation: Evaluation) -> None:
             continue
         colour, dashes = _STYLES[name]
         percents = [100 * fraction for fraction in FRACTIONS]
-        lines.plot(percents, one.remaining_time_error, color=colour, linestyle=dashes, marker="o", label=name)
+        lines.plot(
+            percents, one.remaining_time_error, color=colour, linestyle=dashes, marker="o", markersize=4, label=name
+        )
     lines.set_yscale("log")
     lines.yaxis.set_major_formatter("{x:g}")
     lines.set_xticks([100 * fraction for fraction in FRACTIONS])
@@ -211,7 +213,7 @@ def draw_errors(path: Path, evaluation: Evaluation) -> None:
     for ax in (dots, lines):
         ax.grid(alpha=0.3, which="both")
     dots.legend(fontsize=8)
-    lines.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    lines.legend(fontsize=8, handlelength=4, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     _save(figure, path, evaluation, "mean of the actions")
 
 
