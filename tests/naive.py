@@ -128,14 +128,14 @@ def naive_episode(task, episode, decide, max_decisions=200):
     return robot_idle, human_idle, times, False
 
 
-def naive_duration_posterior(z, elapsed, calibration, num=200_001):
+def naive_duration_posterior(z, elapsed, calibration, num=400_001):
     """(T (num,) [s], its posterior (num,)) of an action that goes on, by Bayes' rule on a fine grid of log T."""
     c = calibration
 
     def curve(values):
         return np.interp(z, np.linspace(0, 1, len(values)), values)
 
-    from_mean = np.linspace(-12.0, 12.0, num) * c.duration_log_std
+    from_mean = np.linspace(-30.0, 30.0, num) * c.duration_log_std
     log_T = c.duration_log_mean + from_mean
     log_p = -0.5 * (from_mean / c.duration_log_std) ** 2
     if elapsed > 0.0:
