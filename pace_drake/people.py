@@ -218,6 +218,9 @@ def _estimator_file(scenario: Scenario) -> Mapping[str, ActionEstimator]:
         f"{path}",
         f"holds no action of the task; it has {', '.join(found.actions)}, the task {', '.join(names)}",
     )
+    for name, one in found.actions.items():
+        axes = one.reference.shape[1]
+        require(axes == 3, f"{path}: actions.{name}", f"has a reference of {axes} axes, a hand's position has 3")
     return found.actions
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from pace_drake.demos import Demonstration, write_demonstrations
+from pace_drake.dtw.estimator_file import ActionEstimator, EstimatorFile, write_estimator_file
+from pace_drake.dtw.filter import Calibration
 from pace_drake.errors import InputError
 from pace_drake.people import load_people
 from pace_drake.scenario import load_scenario
@@ -95,3 +97,42 @@ def test_an_action_that_the_synthetic_set_does_not_know(chair):
     scenario = replace(chair, task=replace(chair.task, human_actions=actions))
     with pytest.raises(InputError, match="no action 'knit'; it has place_rails"):
         load_people(scenario)
+
+
+def estimator_file(path, action="place_rails", period=0.1, axes=3):
+    """A file with one tuned estimator."""
+    reference = np.random.default_rng(0).normal(size=(40, axes))
+    calibration = Calibration(3.0, 0.2, (0.0,), (0.0,), (0.1,))
+    tuned = ActionEstimator("wp", 0.5, 1.0, "S1/1", reference, calibration, {})
+    write_estimator_file(path, EstimatorFile("test", period, "m", {action: tuned}))
+    return tuned
+
+
+def test_an_estimator_file_replaces_what_the_scenario_says(tmp_path):
+    path = tmp_path / "tuned.yaml"
+    tuned = estimator_file(path)
+    scenario = load_scenario("ikea_chair", (f"estimator_file={path}", "estimator.place_rails.fused=true"))
+    estimators = load_people(scenario).estimators(scenario)
+    rails, screws = estimators[0], estimators[2]
+    assert (rails.estimator.reference == tuned.reference).all()
+    assert rails.calibration == tuned.calibration
+    assert rails.fused
+    assert not screws.fused
+    assert screws.estimator.gamma == 0.68
+    assert estimators[1] is None
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"action": "fly"}, "holds no action of the task"),
+        ({"period": 0.05}, "was tuned for samples every 0.05 s"),
+        ({"axes": 2}, "place_rails: has a reference of 2 axes"),
+    ],
+)
+def test_an_estimator_file_that_does_not_fit_is_refused(tmp_path, content, message):
+    path = tmp_path / "tuned.yaml"
+    estimator_file(path, **content)
+    scenario = load_scenario("ikea_chair", (f"estimator_file={path}",))
+    with pytest.raises(InputError, match=message):
+        load_people(scenario).estimators(scenario)
