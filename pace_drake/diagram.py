@@ -97,7 +97,8 @@ class Assembly(Diagram):
 
         period = scenario.human.sample_period
         self.human: Human = add(Human(task, self.people.demonstrations, period, reaction_period))
-        self.phase_estimator: PhaseEstimator = add(PhaseEstimator(self.people.estimators(scenario), period))
+        estimators = self.people.estimators(scenario)
+        self.phase_estimator: PhaseEstimator = add(PhaseEstimator(estimators, period))
         self.observation: Observation = add(Observation())
         self.task_statechart: TaskStatechart = add(
             TaskStatechart(
@@ -112,7 +113,7 @@ class Assembly(Diagram):
         self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
         self.action_monitor: ActionMonitor | None = None
         if scenario.human.monitor != "told":
-            detectors = self.people.end_detectors(scenario)
+            detectors = self.people.end_detectors(scenario, estimators)
             self.action_monitor = add(ActionMonitor(task, detectors, period, reaction_period))
         self.decision: Decision | None = None
         self.station = station

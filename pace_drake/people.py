@@ -77,10 +77,14 @@ class People:
                 estimators.append(PhaseFilter(alignment, calibration, fused=config.fused))
         return estimators
 
-    def end_detectors(self, scenario: Scenario) -> list[EndDetector | None]:
+    def end_detectors(self, scenario: Scenario, estimators: list[Estimator | None]) -> list[EndDetector | None]:
         """The end detector of each human action; None for joint actions, and everywhere if only the button counts.
 
         The hand ends an action where it does in the training trials, or, without any, in the reference.
+
+        Args:
+            scenario: says whether the hand counts.
+            estimators: those that `estimators` returned for it.
 
         Raises:
             InputError: an action has no calibrated filter.
@@ -89,7 +93,7 @@ class People:
             return [None] * len(self.references)
         detectors: list[EndDetector | None] = []
         for action, estimator, reference, training in zip(
-            scenario.task.human_actions, self.estimators(scenario), self.references, self.training, strict=True
+            scenario.task.human_actions, estimators, self.references, self.training, strict=True
         ):
             if reference is None:
                 detectors.append(None)

@@ -198,7 +198,8 @@ class PhaseFilter(Estimator):
         """Returns the phase; the filter's mean is 0 before the second sample, as no time has passed."""
         if not self.fused:
             return self.estimator.phase_at(state[:-3])
-        return float(_phase_mean(self._posterior_at(state)))
+        posterior = self._posterior_at(state)
+        return float(_phase_mean(posterior.elapsed, moment_beyond(-1, *posterior)))
 
     def estimate_at(self, state: NDArray) -> Estimate:
         """Returns mean and standard deviation of phase and remaining time, and the mean rate."""
@@ -208,7 +209,10 @@ class PhaseFilter(Estimator):
 
     def _phase(self, query: NDArray) -> NDArray:
         z = self.estimator._phase(query)
-        return _phase_mean(self._posteriors(z)) if self.fused else z
+        if not self.fused:
+            return z
+        posteriors = self._posteriors(z)
+        return _phase_mean(posteriors.elapsed, moment_beyond(-1, *posteriors))
 
     def _estimates(self, query: NDArray) -> Estimate:
         z = self.estimator._phase(query)
@@ -282,16 +286,16 @@ class PhaseFilter(Estimator):
         return _Posterior(c.duration_log_mean + shift, 1.0 / np.sqrt(precision), elapsed)
 
 
-def _phase_mean(posterior: _Posterior) -> NDArray:
-    return np.minimum(posterior.elapsed * moment_beyond(-1, *posterior), 1.0)
+def _phase_mean(elapsed: NDArray, rate: NDArray) -> NDArray:
+    return np.minimum(elapsed * rate, 1.0)
 
 
 def _summary(posterior: _Posterior) -> Estimate:
-    elapsed = posterior.elapsed
+    elapsed, rate = posterior.elapsed, moment_beyond(-1, *posterior)
     return Estimate(
-        phase=_phase_mean(posterior),
+        phase=_phase_mean(elapsed, rate),
         phase_std=elapsed * spread_beyond(-1, *posterior),
-        rate=moment_beyond(-1, *posterior),
+        rate=rate,
         remaining_time=np.maximum(moment_beyond(1, *posterior) - elapsed, 0.0),
         remaining_time_std=spread_beyond(1, *posterior),
     )

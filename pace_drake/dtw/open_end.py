@@ -143,16 +143,7 @@ class OpenEndSoftDTW(Estimator):
         return kernels.initial_state(self.num_states, len(self._reference), self._gamma)
 
     def step(self, state: NDArray, sample: ArrayLike) -> None:
-        """Takes one more sample p_i, in place: lines 4-8 of Algorithm 1.
-
-        Args:
-            state: (num_states,) float64, contiguous and writable; from `initial_state`.
-            sample: (d,) finite.
-
-        Raises:
-            InputError: the sample has the wrong shape or is not finite; the state is then unchanged.
-            ValueError: the state is no vector of this estimator.
-        """
+        """Takes one more sample p_i, in place: lines 4-8 of Algorithm 1; see `Estimator.step`."""
         flags = state.flags
         if state.shape == (self.num_states,) and state.dtype == np.float64 and flags.c_contiguous and flags.writeable:
             self._take(state, sample)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pace_drake.systems.action_monitor import ActionMonitor
-from pace_drake.task import Assistance, HumanAction, RobotTask, Task
 from tests.systems.forced import force_update
+from tests.systems.tasks import five_actions
 
 
 class EndsAfter:
@@ -30,17 +30,7 @@ class EndsAfter:
 @pytest.fixture(scope="module")
 def task():
     """a, b, joint c, d, joint e."""
-    joint = Assistance()
-    return Task(
-        human_actions=[
-            HumanAction(name="a"),
-            HumanAction(name="b"),
-            HumanAction(name="c", assistance=joint),
-            HumanAction(name="d"),
-            HumanAction(name="e", assistance=joint),
-        ],
-        robot_tasks=[RobotTask(name="r")],
-    )
+    return five_actions()
 
 
 def begin(dut):

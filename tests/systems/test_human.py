@@ -5,8 +5,9 @@ import pytest
 
 from pace_drake.demos import Demonstration
 from pace_drake.systems.human import Human
-from pace_drake.task import Assistance, Episode, HumanAction, RobotTask, Task
+from pace_drake.task import Episode
 from tests.systems.forced import force_update
+from tests.systems.tasks import five_actions
 
 PATH = np.column_stack([np.linspace(0, 1, 11), np.linspace(1, 0, 11), np.zeros(11)])
 
@@ -18,19 +19,9 @@ def demonstration(action, offset=0.0):
 @pytest.fixture(scope="module")
 def dut():
     """a (10 s), b (5 s), joint c (4 s), d (2 s), joint e (3 s)."""
-    joint = Assistance()
-    task = Task(
-        human_actions=[
-            HumanAction(name="a"),
-            HumanAction(name="b"),
-            HumanAction(name="c", assistance=joint),
-            HumanAction(name="d"),
-            HumanAction(name="e", assistance=joint),
-        ],
-        robot_tasks=[RobotTask(name="r")],
-    )
     return Human(
-        task, [[demonstration("a"), demonstration("a", 5.0)], [demonstration("b")], [], [demonstration("d", 2.0)], []]
+        five_actions(),
+        [[demonstration("a"), demonstration("a", 5.0)], [demonstration("b")], [], [demonstration("d", 2.0)], []],
     )
 
 
