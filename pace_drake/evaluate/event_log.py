@@ -77,7 +77,6 @@ class EventRecorder:
         self._command: tuple[float, ...] | None = None
         self._idle_since: dict[str, tuple[float, int] | None] = {"robot_idle": None, "human_idle": None}
         self._before: dict[str, float] = {}
-        self._x = np.zeros(0)
 
     def __call__(self, simulation: Simulation, before: bool) -> None:
         """See ``pace_drake.simulation.Listener``."""
@@ -86,18 +85,14 @@ class EventRecorder:
         chart_context = chart.GetMyContextFromRoot(context)
         self._watch_human(simulation)
         if before:
-            self._x = chart.chart_state(chart_context)
             self._before = self._observe(simulation) if simulation.decision_pending else {}
             return
         model = chart.compiled.chart
-        targets = {t.id: t.target for t in model.transitions}
-        source = chart.compiled.leaf(self._x)
-        for name in chart.fired(chart_context):
-            if model.states[source].marks.get("decision") and self._before:
+        for reaction in chart.reactions(chart_context):
+            name, source = reaction.transition, reaction.source
+            if model.states[source].decision is not None and self._before:
                 self._write(simulation.time, "decision", name=name, **self._before)
-            target = chart.compiled.entered_leaf(self._x, targets[name])
-            self._write(simulation.time, "reaction", name=name, source=source, target=target)
-            source = target
+            self._write(simulation.time, "reaction", name=name, source=source, target=reaction.target)
         command = tuple(simulation.output("robot_action"))
         if command[2] > 0 and command != self._command and command[0] > 0:
             self._command = command

@@ -10,7 +10,8 @@ from pace_drake.statechart import load_chart
 
 HEAD = (
     '<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:pace="urn:pace-drake:statechart" version="1.0" initial="A">\n'
-    '<datamodel>\n<data id="u" expr="0" pace:role="input"/>\n<data id="n" expr="0"/>\n</datamodel>\n'
+    '<datamodel>\n<data id="u" expr="0" pace:role="input"/>\n<data id="n" expr="0"/>'
+    '<data id="t" expr="0" pace:type="time"/>\n</datamodel>\n'
 )
 TWO = (
     '<state id="A"><transition cond="u == 1" target="B"/></state>\n'
@@ -49,7 +50,27 @@ def test_a_small_chart_loads(tmp_path):
         (TWO + '<parallel id="C"/>\n', 8, "unknown element <parallel>"),
         (TWO.replace('id="B"', 'id="A"'), 7, "'A' is used twice"),
         (TWO.replace('<state id="B">', '<state id="B" colour="red">'), 7, "unknown attribute 'colour'"),
-        (TWO + '<state id="C"><transition/></state>\n', 8, "neither target nor effect"),
+        (TWO + '<state id="C"><transition/></state>\n', 8, "neither target nor effect; remove it"),
+        (TWO.replace("u == 1", "u"), 6, "a number where a condition is needed; write u != 0"),
+        (TWO.replace("u == 1", "now - 2 == n"), 6, "is a time, 'n' is a plain number"),
+        (TWO.replace("u == 1", "!(now &gt;= t)"), 6, "reads the time in '!\\(now >= t\\)'; write now >="),
+        (TWO.replace("u == 1", "now &gt;= t + now - t"), 6, "reads the time in"),
+        (
+            TWO.replace('target="B"/>', 'target="B"><assign location="n" expr="now"/></transition>'),
+            6,
+            "assigns 'now', a time, to 'n', which is a plain number",
+        ),
+        (
+            TWO.replace("</state>", '<transition cond="u &gt;= 1" target="A"/></state>', 1),
+            6,
+            "can both be enabled .u = 1",
+        ),
+        (TWO.replace('id="B"', 'id="B" pace:output="o = n"'), 7, "unknown output 'o'; declare it"),
+        (TWO.replace('id="B"', 'id="B" pace:output="n"'), 7, "write name = expression"),
+        (TWO.replace('id="B"', 'id="B" pace:decision="n"'), 7, "unknown input 'n'"),
+        (TWO.replace('id="B"', 'id="var"').replace('"B"', '"var"'), 7, "'var' cannot name a state"),
+        (TWO.replace('id="B"', 'id="u"').replace('"B"', '"u"'), 7, "'u' is used twice, as input and as state"),
+        (TWO.replace('id="B"', 'id="B" pace:final="yes"'), 7, "must be true or false"),
         (
             TWO.replace('target="B"/>', 'target="B"><assign location="u" expr="1"/></transition>'),
             6,
@@ -82,8 +103,9 @@ def test_mistakes_name_file_and_line(tmp_path, body, line, message):
     [
         (HEAD.replace('id="n" expr="0"', 'id="n" expr="os.getcwd()"'), "must be a number"),
         (HEAD.replace('id="n" expr="0"', 'id="n" expr="nan"'), "must be finite"),
-        (HEAD.replace('id="n"', 'id="u"'), "declared twice"),
-        (HEAD.replace('role="input"', 'role="output"'), "unknown role 'output'"),
+        (HEAD.replace('id="n"', 'id="u"'), "'u' is used twice, as input and as variable"),
+        (HEAD.replace('role="input"', 'role="port"'), "unknown role 'port'"),
+        (HEAD.replace('type="time"', 'type="date"'), "unknown type 'date'"),
         (HEAD.replace('initial="A"', 'initial="Z"'), "initial state 'Z' does not exist"),
         ('<!DOCTYPE scxml [<!ENTITY e "x">]>\n' + HEAD, "document type is not allowed"),
     ],
@@ -100,3 +122,59 @@ def test_unreadable_and_not_xml(tmp_path):
     path.write_bytes(b"\x00\x01")
     with pytest.raises(InputError, match="not well-formed XML"):
         load_chart(path)
+
+
+BOX = (
+    '<state id="A"><transition cond="u == 1" target="{target}"/></state>\n'
+    '<state id="R" initial="S"><history id="H" type="deep">{default}</history>\n'
+    '<transition cond="u == 0" target="A"/><state id="S"><transition cond="n == 1" target="T"/></state>\n'
+    '<state id="T">{inner}</state></state>\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("default", "inner", "message"),
+    [
+        ('<transition target="A"/>', "", "default target 'A', which is not inside it"),
+        ('<transition target="T" cond="n == 1"/>', "", "nothing but a target"),
+        ("", '<transition cond="n == 2" target="H"/>', "enters the history of 'R' from inside"),
+    ],
+)
+def test_mistakes_with_histories(tmp_path, default, inner, message):
+    with pytest.raises(InputError, match=message):
+        load_chart(write(tmp_path, BOX.format(target="H", default=default, inner=inner)))
+
+
+def test_a_history_has_a_default(tmp_path):
+    inner = '<transition cond="n == 2" target="S"/>'
+    chart = load_chart(write(tmp_path, BOX.format(target="H", default='<transition target="T"/>', inner=inner)))
+    assert chart.history_default_leaf("H") == "T"
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "exclude"),
+    [
+        ("u == 1", "u == 0", True),
+        ("u == n", "n != u", True),
+        ("u &lt; n", "n &lt;= u", True),
+        ("u == 1 &amp;&amp; n &gt; 2", "n &lt; 1", True),  # not word by word: z3
+        ("u % 2 == 1", "u % 2 == 0", True),
+        ("u + n == 2", "u + n == 3", True),
+        ("u == 1", "n == 0", False),
+        ("u &gt;= n", "u &lt;= n", False),
+        ("u == 1 || n == 1", "u == 0", False),
+    ],
+)
+def test_two_transitions_of_one_state_must_exclude_each_other(tmp_path, first, second, exclude):
+    head = HEAD.replace('pace:role="input"', 'pace:role="input" pace:type="integer"')
+    head = head.replace('id="n" expr="0"', 'id="n" expr="0" pace:type="integer"')
+    body = (
+        f'<state id="A"><transition cond="{first}" target="B"/>\n<transition cond="{second}" target="B"/></state>\n'
+        '<state id="B"/>\n'
+    )
+    path = write(tmp_path, body, head)
+    if exclude:
+        load_chart(path)
+    else:
+        with pytest.raises(InputError, match=r":7: transitions .* can both be enabled"):
+            load_chart(path)

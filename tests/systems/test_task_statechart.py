@@ -118,7 +118,7 @@ def make(path):
 def test_a_chart_that_does_not_come_to_rest_says_so(tmp_path):
     # DECIDE times out at once into ROBOT_TASK, which counts as done at once.
     path = write(tmp_path, "a == -1 &amp;&amp; now &gt;= t0 + Tdec", "a == -1")
-    path.write_text(path.read_text().replace('id="r_done" cond="done == cmd"', 'id="r_done" cond="done &gt;= 0"'))
+    path.write_text(path.read_text().replace('id="r_done" cond="done == cmd"', 'id="r_done" cond="done &lt;= cmd"'))
     dut = make(path)
     with pytest.raises(RuntimeError, match="does not come to rest"):
         update(dut, dut.CreateDefaultContext())
@@ -134,8 +134,8 @@ def test_a_chain_reads_the_decision_once(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('command="PREPARE"', 'command="DANCE"', "'PREP' commands the unknown action 'DANCE'"),
-        ('<data id="d" expr="0"/>', '<data id="dd" expr="0"/>', "unknown name 'd'|not a variable"),
+        ('"HOME_KIND" expr="4"', '"HOME_KIND" expr="9"', "HOME_KIND = 9 is no action kind; known are NONE_KIND 0"),
+        ('id="decision_index"', 'id="decisions"', "needs 'decision_index' among its outputs"),
     ],
 )
 def test_a_chart_that_is_no_task_chart_is_refused(tmp_path, old, new, message):
