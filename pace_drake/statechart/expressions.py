@@ -18,9 +18,11 @@ that runs a chart gives an expression the same value.
 
 import ast
 import keyword
+import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 _NUMBER = r"(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
 _OPERATOR = r"(?P<op>=>|&&|\|\||==|!=|<=|>=|[<>!+\-*%()])"
@@ -163,6 +165,14 @@ def unit_of(tree: ast.expr, units: Mapping[str, Unit]) -> Unit:
                 unit_of(value, units)
             return NUMBER
     raise AssertionError(ast.dump(tree))
+
+
+def function_of(tree: ast.expr, arguments: Sequence[str] = ()) -> Callable[..., Any]:
+    """A Python function with the value of a Python expression, as ``Expression.python`` gives it."""
+    names = [ast.arg(argument) for argument in arguments]
+    signature = ast.arguments(posonlyargs=[], args=names, kwonlyargs=[], kw_defaults=[], defaults=[])
+    function = ast.fix_missing_locations(ast.Expression(ast.Lambda(signature, tree)))
+    return eval(compile(function, "<expression>", "eval"), {"math": math})
 
 
 _SYMBOL: dict[type[ast.AST], str] = {

@@ -323,7 +323,7 @@ class _Builder:
                 element, f"transition {name!r} enters the history of {histories[target]!r} from inside; target a state"
             )
         guard = self.expression(element, f"guard of {name!r}", element.attributes.get("cond", "1 == 1"), condition=True)
-        deadlines, others = time_bounds(guard, self.time)
+        deadlines, _, others = time_bounds(guard, self.time)
         if others:
             raise self.fail(
                 element,

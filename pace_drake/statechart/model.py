@@ -4,7 +4,7 @@ import ast
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from pace_drake.statechart.expressions import NUMBER, SEQUENCE, TIME, Expression, Unit
+from pace_drake.statechart.expressions import NUMBER, SEQUENCE, TIME, Expression, Unit, to_text
 
 #: Type of a datum -> what its numbers count.
 TYPES: dict[str, Unit] = {
@@ -164,27 +164,29 @@ class Chart:
         return {name: TYPES[kind] for name, kind in self.types.items()} | {self.time: TIME}
 
 
-def time_bounds(guard: Expression, time: str) -> tuple[list[Expression], list[ast.expr]]:
-    """Splits off the conditions ``time >= E`` of a guard.
+def time_bounds(guard: Expression, time: str) -> tuple[list[Expression], list[Expression], list[ast.expr]]:
+    """Finds what a guard says about the time.
 
     Returns:
-        (the expressions E, the conditions that read the time in another way than ``time >= E`` or ``time < E``).
+        (E of the conditions ``time >= E``, E of ``time < E``, conditions that read the time in any other way).
     """
 
     def reads(tree: ast.expr) -> bool:
         return any(isinstance(node, ast.Name) and node.id == time for node in ast.walk(tree))
 
-    deadlines: list[Expression] = []
+    lower: list[Expression] = []
+    upper: list[Expression] = []
     others: list[ast.expr] = []
     for condition in guard.conjuncts():
-        if not reads(condition):
-            continue
         match condition:
-            case ast.Compare(left=ast.Name(id=name), ops=[op], comparators=[bound]) if name == time:
-                if reads(bound) or not isinstance(op, (ast.GtE, ast.Lt)):
-                    others.append(condition)
-                elif isinstance(op, ast.GtE):
-                    deadlines.append(Expression("", bound))
-            case _:
+            case ast.Compare(left=ast.Name(id=name), ops=[ast.GtE()], comparators=[bound]) if (
+                name == time and not reads(bound)
+            ):
+                lower.append(Expression(to_text(bound), bound))
+            case ast.Compare(left=ast.Name(id=name), ops=[ast.Lt()], comparators=[bound]) if name == time and not reads(
+                bound
+            ):
+                upper.append(Expression(to_text(bound), bound))
+            case _ if reads(condition):
                 others.append(condition)
-    return deadlines, others
+    return lower, upper, others
