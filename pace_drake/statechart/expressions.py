@@ -190,10 +190,11 @@ def to_text(tree: ast.expr, name: Callable[[str], str] = str) -> str:
         name: gives the text of a name.
     """
 
-    def inner(part: ast.expr) -> str:
+    def inner(part: ast.expr, above: int) -> str:
         text = to_text(part, name)
-        return text if isinstance(part, (ast.Constant, ast.Name)) else f"({text})"
+        return text if _strength(part) >= above else f"({text})"
 
+    own = _strength(tree)
     match tree:
         case ast.Constant(value=value):
             number = float(value)  # type: ignore[arg-type]
@@ -201,14 +202,37 @@ def to_text(tree: ast.expr, name: Callable[[str], str] = str) -> str:
         case ast.Name(id=identifier):
             return name(identifier)
         case ast.UnaryOp(op=op, operand=operand):
-            return ("!" if isinstance(op, ast.Not) else "-") + inner(operand)
+            return ("!" if isinstance(op, ast.Not) else "-") + inner(operand, _ATOM)
         case ast.BinOp(left=left, op=op, right=right):
-            return f"{inner(left)} {_SYMBOL[type(op)]} {inner(right)}"
+            return f"{inner(left, own)} {_SYMBOL[type(op)]} {inner(right, own + 1)}"
         case ast.Compare(left=left, ops=[op], comparators=[right]):
-            return f"{inner(left)} {_SYMBOL[type(op)]} {inner(right)}"
+            return f"{inner(left, own + 1)} {_SYMBOL[type(op)]} {inner(right, own + 1)}"
         case ast.BoolOp(op=op, values=values):
-            return f" {_SYMBOL[type(op)]} ".join(inner(value) for value in values)
+            return f" {_SYMBOL[type(op)]} ".join(inner(value, own + 1) for value in values)
     raise AssertionError(ast.dump(tree))
+
+
+_ATOM = 8
+
+
+def _strength(tree: ast.expr) -> int:
+    """How strongly an operator binds, in ECMAScript; of a negative number weakly enough for parentheses."""
+    match tree:
+        case ast.Constant(value=value) if value < 0:  # type: ignore[operator]
+            return 7
+        case ast.BoolOp(op=ast.Or()):
+            return 1
+        case ast.BoolOp():
+            return 2
+        case ast.Compare():
+            return 4
+        case ast.BinOp(op=ast.Add() | ast.Sub()):
+            return 5
+        case ast.BinOp():
+            return 6
+        case ast.UnaryOp():
+            return 7
+    return _ATOM
 
 
 def conjunction(trees: list[ast.expr]) -> ast.expr:

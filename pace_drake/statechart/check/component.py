@@ -1,7 +1,7 @@
 """One chart of a composition, with its states made small: what can never matter again is forgotten.
 
-A state is kept relative to now and to a sequence number, which is sound because every guard and effect keeps the degrees
-of times and sequence numbers (``expressions.Unit``):
+A state is kept relative to now and to a sequence number, which is sound because every guard and effect keeps the
+degrees of times and sequence numbers (``expressions.Unit``):
 
 - a time is stored as ``v - now``, cut off at the horizon: times further back are alike to every guard;
 - a sequence number as its distance from the reference of the composition;

@@ -1,10 +1,11 @@
 """What must happen at last, under fairness: a search for a lasso, a way round for ever, on which it never happens.
 
-A fair lasso avoids the goal, and for each assumption "if ``when`` again and again, then ``then`` again and again" it has
-a step of ``then``, or none of ``when``. Such lassos live in strongly connected components; steps of a ``when`` that can
-not be answered there are taken out, and what is left is searched again (Streett emptiness, Emerson and Lei 1987).
+A fair lasso avoids the goal, and for each assumption "if ``when`` again and again, then ``then`` again and again" it
+has a step of ``then``, or none of ``when``. Such lassos live in strongly connected components; steps of a ``when`` that
+cannot be answered there are taken out, and what is left is searched again (Streett emptiness, Emerson and Lei 1987).
 """
 
+import itertools
 from collections import deque
 from dataclasses import dataclass
 
@@ -90,7 +91,7 @@ def find_lasso(
         wanted = own & then
         if not (own & when).any() or any(
             (sources[wanted] == a).any() and (targets[wanted][sources[wanted] == a] == b).any()
-            for a, b in zip(loop, loop[1:], strict=False)
+            for a, b in itertools.pairwise(loop)
         ):
             continue
         goals = dict.fromkeys(sources[wanted].tolist(), 0)

@@ -1,5 +1,6 @@
 """Runs a whole check and gives a verdict on each property, with the shortest counterexample."""
 
+import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from pace_drake.statechart.check.explore import Composition, Graph, Step, explor
 from pace_drake.statechart.check.fairness import find_lasso
 from pace_drake.statechart.check.guards import check_guards
 from pace_drake.statechart.check.spec import Property, Spec
+from pace_drake.statechart.model import Chart
 
 
 @dataclass(frozen=True)
@@ -38,19 +40,23 @@ class Verdict:
     Attributes:
         holds: whether the property holds.
         text: the property as written, or what went wrong.
-        states: how many states were visited (for guards: how many questions were asked).
+        examined: how many states were visited, or questions answered by z3.
+        unit: ``states`` or ``queries``.
         seconds: [s] it took; states visited once for several properties take the time once.
         rows: the shortest counterexample, or the shortest way to what should be reachable.
         loop: tick at which a counterexample without end begins to repeat; None if it has an end.
+        reachable: whether something was to be found, rather than to be excluded.
     """
 
     name: str
     holds: bool
     text: str
-    states: int
+    examined: int
+    unit: str
     seconds: float
     rows: tuple[Row, ...] = ()
     loop: int | None = None
+    reachable: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,8 @@ def check(spec: Spec) -> Report:
     Raises:
         InputError: the composition has too many states, or a horizon is missing.
     """
-    verdicts = _guard_verdicts(spec)
+    charts = {part.compiled.chart.path: part.compiled.chart for part in spec.components}
+    verdicts = [verdict for chart in charts.values() for verdict in _guard_verdicts(chart)]
     composition = Composition(spec)
     simple = [p for p in spec.properties if p.form != "eventually"]
     final = [p for p in spec.properties if p.form == "eventually"]
@@ -89,14 +96,25 @@ def check(spec: Spec) -> Report:
     if graph.failed is not None:
         state, what = graph.failed
         rows = _rows(composition, graph.path(state))
-        verdicts.append(Verdict("no chart fails", False, what, len(graph.states), seconds, rows))
+        verdicts.append(Verdict("no chart fails", False, what, len(graph.states), "states", seconds, rows))
         return Report(spec.path, len(graph.states), len(graph.sources), tuple(verdicts))
-    verdicts.append(Verdict("no chart fails", True, "every reaction has a value", len(graph.states), seconds))
+    verdicts.append(Verdict("no chart fails", True, "every reaction has a value", len(graph.states), "states", seconds))
     for prop in simple:
         hit = graph.found.get(prop.name)
         rows = _rows(composition, [*graph.path(hit[0]), hit]) if hit is not None else ()
-        holds = (hit is not None) == (prop.form == "reachable")
-        verdicts.append(Verdict(prop.name, holds, prop.formula.text, len(graph.states), seconds, rows))
+        reachable = prop.form == "reachable"
+        verdicts.append(
+            Verdict(
+                prop.name,
+                (hit is not None) == reachable,
+                prop.formula.text,
+                len(graph.states),
+                "states",
+                seconds,
+                rows,
+                reachable=reachable,
+            )
+        )
     column = 0
     for prop in final:
         verdicts.append(_eventually(composition, graph, prop, column))
@@ -104,28 +122,36 @@ def check(spec: Spec) -> Report:
     return Report(spec.path, len(graph.states), len(graph.sources), tuple(verdicts))
 
 
-def _guard_verdicts(spec: Spec) -> list[Verdict]:
-    verdicts = []
-    for path, component in {c.compiled.chart.path: c for c in spec.components}.items():
-        started = time.perf_counter()
-        report = check_guards(component.compiled.chart)
-        seconds = time.perf_counter() - started
-        name = component.compiled.chart.name
-        faults = [f"in {leaf}, {a} and {b} are both enabled ({example})" for leaf, a, b, example in report.overlaps]
-        faults += [f"not proven: {what}" for what in report.unproven]
-        text = "; ".join(faults) or "no two transitions of one state are ever enabled together"
-        verdicts.append(Verdict(f"{name} is deterministic", not faults, text, report.queries, seconds))
-        dead = ", ".join(report.dead)
-        verdicts.append(
-            Verdict(
-                f"{name} has no dead transition",
-                not dead,
-                f"{path}: {dead} can never be taken" if dead else "every transition can be taken in some leaf",
-                report.queries,
-                seconds,
-            )
-        )
-    return verdicts
+def check_chart(chart: Chart) -> Report:
+    """Checks one chart without surroundings: determinism and dead transitions."""
+    return Report(chart.path, 0, 0, tuple(_guard_verdicts(chart)))
+
+
+def _guard_verdicts(chart: Chart) -> list[Verdict]:
+    started = time.perf_counter()
+    report = check_guards(chart)
+    seconds = time.perf_counter() - started
+    faults = [f"in {leaf}, {a} and {b} are both enabled ({example})" for leaf, a, b, example in report.overlaps]
+    faults += [f"not proven: {what}" for what in report.unproven]
+    dead = ", ".join(report.dead)
+    return [
+        Verdict(
+            f"{chart.name} is deterministic",
+            not faults,
+            "; ".join(faults) or "no two transitions of one state are ever enabled together",
+            report.queries,
+            "queries",
+            seconds,
+        ),
+        Verdict(
+            f"{chart.name} has no dead transition",
+            not dead,
+            f"{chart.path}: {dead} can never be taken" if dead else "every transition can be taken in some leaf",
+            report.queries,
+            "queries",
+            seconds,
+        ),
+    ]
 
 
 def _eventually(composition: Composition, graph: Graph, prop: Property, column: int) -> Verdict:
@@ -140,10 +166,7 @@ def _eventually(composition: Composition, graph: Graph, prop: Property, column: 
     sources, targets, marks = restricted_steps(composition, graph, fixed, formulas)
     off = ~marks[:, 0]
     before = ~graph.marks[:, column]
-    if prop.start is None:
-        starts = np.array([0])
-    else:
-        starts = np.unique(graph.sources[graph.marks[:, column + 1]])
+    starts = np.array([0]) if prop.start is None else np.unique(graph.sources[graph.marks[:, column + 1]])
     pairs = [(marks[off, 1 + 2 * k], marks[off, 2 + 2 * k]) for k in range(len(prop.fairness))]
     lasso = find_lasso(
         len(graph.states), (graph.sources[before], graph.targets[before]), starts, (sources[off], targets[off]), pairs
@@ -151,13 +174,13 @@ def _eventually(composition: Composition, graph: Graph, prop: Property, column: 
     text = prop.formula.text
     if lasso is None:
         seconds = time.perf_counter() - started
-        return Verdict(prop.name, True, text, len(graph.states), seconds)
+        return Verdict(prop.name, True, text, len(graph.states), "states", seconds)
     path = graph.path(lasso.stem[0])
     path += _steps_along(composition, graph, lasso.stem, {})
     loop = len(path) + 1
     path += _steps_along(composition, graph, lasso.loop, fixed)
     seconds = time.perf_counter() - started
-    return Verdict(prop.name, False, text, len(graph.states), seconds, _rows(composition, path), loop)
+    return Verdict(prop.name, False, text, len(graph.states), "states", seconds, _rows(composition, path), loop)
 
 
 def _steps_along(
@@ -165,7 +188,7 @@ def _steps_along(
 ) -> list[tuple[int, Step]]:
     """A step from each state of a way to the next."""
     steps = []
-    for at, following in zip(way, way[1:], strict=False):
+    for at, following in itertools.pairwise(way):
         options = composition.steps(graph.states[at], fixed)
         steps.append((at, next(step for step, end in options if end == graph.states[following])))
     return steps

@@ -1,0 +1,57 @@
+"""``pace chart``: check, draw and lower statecharts."""
+
+from pathlib import Path
+
+import click
+
+from pace_drake.errors import InputError
+from pace_drake.files import write_whole
+from pace_drake.resources import resource_path
+
+
+class _ChartVerbs(click.Group):
+    """Imports a verb only when it is called, as ``pace`` itself does."""
+
+    _modules = ("check", "draw", "lower")
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self._modules)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in self._modules:
+            return None
+        import importlib
+
+        return importlib.import_module(f"pace_drake.cli.chart_{name}").command
+
+
+@click.group("chart", cls=_ChartVerbs)
+def command() -> None:
+    """Check, draw and lower statecharts."""
+
+
+def chart_path(text: str) -> Path:
+    """The file of a chart: a path, or the name of one that comes with the package.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = Path(text)
+    if not path.suffix and not path.exists():
+        path = resource_path(f"statecharts/{text}.scxml")
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in resource_path("statecharts").glob("*.scxml")))
+        raise InputError(f"{text}: no such chart; give a .scxml file or one of {known}")
+    return path
+
+
+def write_text(path: Path, text: str) -> None:
+    """Writes a whole file or none.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    try:
+        write_whole(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
