@@ -1,5 +1,9 @@
 """pace_drake.statechart.lower: other engines do the same as the compiled chart, reaction by reaction."""
 
+import importlib.util
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -79,30 +83,34 @@ class AppendixDOnNode(AppendixD):
 
 
 class QtScxml:
-    """Qt's state machines, through PySide6."""
+    """Qt's state machines, through PySide6; see qt_engine.py."""
 
-    def __init__(self, compiled: CompiledChart, parameters: dict[str, float], _request: pytest.FixtureRequest) -> None:
-        reason = "PySide6 is not installed: pip install 'pace_drake[qt]'"
-        core = pytest.importorskip("PySide6.QtCore", reason=reason)
-        scxml = pytest.importorskip("PySide6.QtScxml", reason=reason)
-        self._app = core.QCoreApplication.instance() or core.QCoreApplication([])
-        buffer = core.QBuffer()
-        buffer.setData(to_scxml(compiled, parameters).encode())
-        buffer.open(core.QIODevice.OpenModeFlag.ReadOnly)
-        self._dut = scxml.QScxmlStateMachine.fromData(buffer)
-        assert not self._dut.parseErrors()
-        self._dut.start()
-        self._app.processEvents()
+    def __init__(self, compiled: CompiledChart, parameters: dict[str, float], request: pytest.FixtureRequest) -> None:
+        if importlib.util.find_spec("PySide6") is None:
+            pytest.skip("PySide6 is not installed: pip install 'pace_drake[qt]'")
+        command = [sys.executable, "-m", "tests.statechart.qt_engine"]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        request.addfinalizer(self._close)
+        self._write({"scxml": to_scxml(compiled, parameters), "names": list(compiled.chart.variables)})
+
+    def _close(self) -> None:
+        self._process.communicate(timeout=10)
+
+    def _write(self, message: dict) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(message) + "\n")
+        self._process.stdin.flush()
 
     def react(self, data: dict[str, float]) -> None:
-        self._dut.submitEvent(EVENT, data)
-        self._app.processEvents()
+        assert self._process.stdout is not None
+        self._write(data)
+        self._answer = json.loads(self._process.stdout.readline())
 
     def active(self) -> set[str]:
-        return set(self._dut.activeStateNames(False))
+        return set(self._answer["active"])
 
     def value(self, name: str) -> float:
-        return self._dut.dataModel().scxmlProperty(name)
+        return self._answer["values"][name]
 
 
 ENGINES = [Sismic, AppendixD, AppendixDOnNode, QtScxml]

@@ -296,9 +296,9 @@ class Component:
         return (remembered, *memory)
 
 
-def check_steps_of_one(spec: ComponentSpec, reference: str | None) -> None:
-    """Sequence numbers further apart than 2 are alike if only the reference moves, by at most 1 at a time, and no
-    comparison looks further than 1; then exploration may draw them together.
+def check_steps_of_one(spec: ComponentSpec, counters: set[str]) -> None:
+    """Sequence numbers further apart than 2 are alike if only counters move, by at most 1 at a time, and no comparison
+    looks further than 1; then exploration may draw them together.
 
     Raises:
         InputError: a transition does something else with sequence numbers.
@@ -329,7 +329,7 @@ def check_steps_of_one(spec: ComponentSpec, reference: str | None) -> None:
                 if offset(transition, difference) > 1:
                     raise fail(transition)
         for name, expression in transition.effects:
-            if units[name] == SEQUENCE and offset(transition, expression.tree) > (name == reference):
+            if units[name] == SEQUENCE and offset(transition, expression.tree) > (name in counters):
                 raise fail(transition)
 
 

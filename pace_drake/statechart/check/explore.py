@@ -47,9 +47,9 @@ class Composition:
             )
             for k, part in enumerate(spec.components)
         ]
-        if spec.sequence is not None:
+        if spec.sequences:
             for k, part in enumerate(spec.components):
-                check_steps_of_one(part, spec.sequence[1] if spec.sequence[0] == k else None)
+                check_steps_of_one(part, {name for index, name in spec.sequences if index == k})
         #: For each component and leaf, how its connected inputs are read: (source, immediate, place, leaves).
         self._readers = [
             [[self._reader(k, name) for name in names] for names in component.connected_reads]
@@ -103,11 +103,11 @@ class Composition:
         return values[place] if active is None else float(values[0] in active)
 
     def _counted_anew(self, state: State) -> State:
-        """Sequence numbers as distances from the reference, with distances of more than 2 between neighbours as 2."""
-        if self.spec.sequence is None:
+        """Sequence numbers as distances from the first, with distances of more than 2 between neighbours as 2."""
+        if not self.spec.sequences:
             return state
         if state not in self._anew:
-            index, name = self.spec.sequence
+            index, name = self.spec.sequences[0]
             reference = self.components[index]
             base = reference.values[state[index]][reference.place[name]]
             present = {v for component, k in zip(self.components, state, strict=True) for v in component.numbers(k)}
@@ -128,8 +128,7 @@ class Composition:
         for connection in self.spec.connections.values():
             if connection.source == k and connection.kind != "state":
                 (immediate if k in self.spec.immediate else before).add(connection.name)
-        if self.spec.sequence is not None and self.spec.sequence[0] == k:
-            before.add(self.spec.sequence[1])
+        before |= {name for index, name in self.spec.sequences if index == k}
         names = [n for formula in formulas(self.spec) for n in formula.names.values() if n.component == k]
         values = [n for n in names if n.kind in ("variable", "output")]
         return Observed(
@@ -253,16 +252,19 @@ class Graph:
         return steps[::-1]
 
 
-def explore(composition: Composition, properties: list[Property], marked: list[Formula]) -> Graph:
+def explore(
+    composition: Composition, properties: list[Property], marked: list[Formula], max_states: int = MAX_STATES
+) -> Graph:
     """Visits every reachable state once.
 
     Args:
         composition: the charts.
         properties: ``always``, ``never`` and ``reachable``.
         marked: formulas to be noted of every step.
+        max_states: give up beyond.
 
     Raises:
-        InputError: there are more than ``MAX_STATES`` states.
+        InputError: there are more than ``max_states`` states.
     """
     graph = Graph()
     start = composition.initial()
@@ -284,9 +286,9 @@ def explore(composition: Composition, properties: list[Property], marked: list[F
             break
         for step, following in steps:
             if following not in index:
-                if len(graph.states) == MAX_STATES:
+                if len(graph.states) == max_states:
                     raise InputError(
-                        f"{composition.spec.path}: more than {MAX_STATES} states; give times and sequence numbers "
+                        f"{composition.spec.path}: more than {max_states} states; give times and sequence numbers "
                         "their pace:type, bound what counts, or lower the parameters"
                     )
                 index[following] = len(graph.states)

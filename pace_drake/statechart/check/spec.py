@@ -16,7 +16,7 @@ from pace_drake.statechart.loader import load_chart
 SUFFIX = ".checks.yaml"
 _MAX_BYTES = 200_000
 _KEYS = {
-    "parameters", "components", "connections", "free", "immediate", "sequence", "horizon", "fairness", "properties",
+    "parameters", "components", "connections", "free", "immediate", "sequences", "horizon", "fairness", "properties",
 }  # fmt: skip
 _FORMS = {"always", "never", "reachable", "eventually"}
 
@@ -115,7 +115,7 @@ class Spec:
     Attributes:
         connections, free: ``(component, input)`` -> where its value comes from, or the values that it may have.
         immediate: components whose outputs are read after their reaction, in the same tick.
-        sequence: the variable by which sequence numbers are counted.
+        sequences: the variables that count sequence numbers up; the first is where all are counted from.
         horizon: [ticks] times further back than this are alike; None: from the charts' deadlines.
     """
 
@@ -124,7 +124,7 @@ class Spec:
     connections: dict[tuple[int, str], Connection]
     free: dict[tuple[int, str], tuple[float, ...]]
     immediate: frozenset[int]
-    sequence: tuple[int, str] | None
+    sequences: tuple[tuple[int, str], ...]
     horizon: float | None
     properties: tuple[Property, ...]
 
@@ -234,12 +234,13 @@ class _Reader:
                     f"{self.components[reader].name}.{name} reads the immediate component "
                     f"{self.components[connection.source].name}, which must stand before it"
                 )
-        sequence = None
-        if (text := self.data.get("sequence")) is not None:
-            found = self.resolve(str(text))
-            if found.kind != "variable":
-                raise self.fail(f"sequence must name a variable, not {text!r}")
-            sequence = (found.component, found.name)
+        given = self.data.get("sequences") or []
+        if not isinstance(given, list):
+            raise self.fail("sequences must be a list of variables")
+        found = [(str(text), self.resolve(str(text))) for text in given]
+        for written, read in found:
+            if read.kind != "variable":
+                raise self.fail(f"sequences must name variables, not {written!r}")
         fairness = {name: self.fairness(name, value) for name, value in self.section("fairness").items()}
         entries = self.data.get("properties") or []
         if not isinstance(entries, list) or not entries:
@@ -251,7 +252,7 @@ class _Reader:
             connections=connections,
             free=free,
             immediate=immediate,
-            sequence=sequence,
+            sequences=tuple((read.component, read.name) for _, read in found),
             horizon=None if horizon is None else self.number(horizon, "horizon"),
             properties=tuple(self.property(entry, fairness, free) for entry in entries),
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pace_drake.statechart.check.explore import Composition, Graph, Step, explore, restricted_steps
+from pace_drake.statechart.check.explore import MAX_STATES, Composition, Graph, Step, explore, restricted_steps
 from pace_drake.statechart.check.fairness import find_lasso
 from pace_drake.statechart.check.guards import check_guards
 from pace_drake.statechart.check.spec import Property, Spec
@@ -78,8 +78,12 @@ class Report:
         return all(verdict.holds for verdict in self.verdicts)
 
 
-def check(spec: Spec) -> Report:
+def check(spec: Spec, max_states: int = MAX_STATES) -> Report:
     """Checks every property.
+
+    Args:
+        spec: what, of which charts.
+        max_states: give up beyond.
 
     Raises:
         InputError: the composition has too many states, or a horizon is missing.
@@ -91,7 +95,7 @@ def check(spec: Spec) -> Report:
     final = [p for p in spec.properties if p.form == "eventually"]
     started = time.perf_counter()
     marked = [formula for p in final for formula in (p.formula, *([p.start] if p.start else []))]
-    graph = explore(composition, simple, marked)
+    graph = explore(composition, simple, marked, max_states)
     seconds = time.perf_counter() - started
     if graph.failed is not None:
         state, what = graph.failed
