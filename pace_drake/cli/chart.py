@@ -36,13 +36,13 @@ def chart_path(text: str) -> Path:
     Raises:
         InputError: there is none.
     """
+    shipped = {path.stem: path for path in sorted(resource_path("statecharts").glob("*.scxml"))}
     path = Path(text)
-    if not path.suffix and not path.exists():
-        path = resource_path(f"statecharts/{text}.scxml")
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in resource_path("statecharts").glob("*.scxml")))
-        raise InputError(f"{text}: no such chart; give a .scxml file or one of {known}")
-    return path
+    if path.is_file():
+        return path
+    if text not in shipped:
+        raise InputError(f"{text}: no such chart; give a .scxml file or one of {', '.join(shipped)}")
+    return shipped[text]
 
 
 def write_text(path: Path, text: str) -> None:

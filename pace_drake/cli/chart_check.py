@@ -48,7 +48,8 @@ def command(
     found = checks if checks is not None else checks_path(path)
     console = Console()
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    errors = Console(stderr=True)
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as progress:
         progress.add_task(f"checking {path.name}")
         if checks is None and not found.is_file():
             if overrides or charts:

@@ -173,7 +173,7 @@ def compile_chart(chart: Chart) -> CompiledChart:
         type_ignores=[],
     )
     ast.fix_missing_locations(module)
-    namespace: dict[str, Any] = {"inf": math.inf, "math": math}
+    namespace: dict[str, Any] = {"inf": math.inf}
     exec(compile(module, f"<{chart.name}>", "exec"), namespace)
     return CompiledChart(
         chart,

@@ -13,12 +13,11 @@ that runs a chart gives an expression the same value.
     product := unary (("*" | "%") unary)*
     unary   := "-" unary | NUMBER | NAME | "(" or ")"
 
-``%`` has the sign of the dividend, as in ECMAScript and C (``math.fmod``).
+``%`` has the sign of the dividend, as in ECMAScript and C.
 """
 
 import ast
 import keyword
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -96,7 +95,7 @@ class Expression:
         return list(_conjuncts(self.tree))
 
     def python(self, resolve: Resolver) -> ast.expr:
-        """A Python expression; it needs the module ``math`` if ``%`` occurs."""
+        """A Python expression, which numba compiles too."""
         return _ToPython(resolve).visit(self.tree)
 
     def is_condition(self) -> bool:
@@ -172,7 +171,7 @@ def function_of(tree: ast.expr, arguments: Sequence[str] = ()) -> Callable[..., 
     names = [ast.arg(argument) for argument in arguments]
     signature = ast.arguments(posonlyargs=[], args=names, kwonlyargs=[], kw_defaults=[], defaults=[])
     function = ast.fix_missing_locations(ast.Expression(ast.Lambda(signature, tree)))
-    return eval(compile(function, "<expression>", "eval"), {"math": math})
+    return eval(compile(function, "<expression>", "eval"), {})
 
 
 _SYMBOL: dict[type[ast.AST], str] = {
@@ -261,6 +260,13 @@ def _is_condition(tree: ast.expr) -> bool:
     )
 
 
+def _remainder(a: ast.expr, b: ast.expr) -> ast.expr:
+    """``a % b`` with the sign of a. Python's own has that of b, and numba knows no ``math.fmod``."""
+    size = ast.Call(ast.Name("abs", ast.Load()), [b], [])
+    back = ast.UnaryOp(ast.USub(), ast.BinOp(ast.UnaryOp(ast.USub(), a), ast.Mod(), size))
+    return ast.IfExp(ast.Compare(a, [ast.GtE()], [ast.Constant(0.0)]), ast.BinOp(a, ast.Mod(), size), back)
+
+
 class _ToPython(ast.NodeTransformer):
     def __init__(self, resolve: Resolver) -> None:
         self._resolve = resolve
@@ -271,7 +277,7 @@ class _ToPython(ast.NodeTransformer):
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         left, right = self.visit(node.left), self.visit(node.right)
         if isinstance(node.op, ast.Mod):
-            return ast.Call(ast.Attribute(ast.Name("math", ast.Load()), "fmod", ast.Load()), [left, right], [])
+            return _remainder(left, right)
         return ast.BinOp(left, node.op, right)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.expr:

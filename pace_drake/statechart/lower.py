@@ -110,7 +110,7 @@ def to_sismic(compiled: CompiledChart, parameters: Mapping[str, float] | None = 
     """
     chart = compiled.chart
     values = _data(chart, parameters or {}, initial)
-    preamble = ["import math", *(f"{name} = {_number(value)}" for name, value in values.items())]
+    preamble = [f"{name} = {_number(value)}" for name, value in values.items()]
     top = [state.id for state in chart.states.values() if state.parent is None]
     root = {"name": "ROOT", "initial": chart.initial, "states": [_sismic_state(chart, state) for state in top]}
     chart_data = {"statechart": {"name": chart.name, "preamble": "\n".join(preamble), "root state": root}}
