@@ -87,3 +87,35 @@ def test_lower_never_overwrites_the_chart(capsys, tmp_path):
     before = path.read_text()
     assert re.search("would overwrite the chart itself", refused(capsys, "lower", path, "-o", path))
     assert path.read_text() == before
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".mmd", ".dot"])
+def test_draw(tmp_path, suffix):
+    out = tmp_path / f"chart{suffix}"
+    assert (
+        pace(
+            "draw", "pace_task", "-o", out, "--highlight", "DECIDE", *(["--layout", "rows"] if suffix == ".svg" else [])
+        )
+        == 0
+    )
+    data = out.read_bytes()
+    assert {".svg": b"<svg", ".png": b"\x89PNG", ".mmd": b"stateDiagram", ".dot": b"digraph"}[suffix] in data[:200]
+    assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["draw", "pace_task", "-o", "x.pdf"], "must end in .svg, .png, .mmd or .dot"),
+        (["draw", "pace_task", "-o", "x.png", "--layout", "dot"], "--layout dot makes .svg"),
+        (
+            ["draw", "pace_task", "-o", "x.svg", "--highlight", "RUN"],
+            "no leaf state 'RUN'; there are READY, ROBOT_TASK",
+        ),
+        (["draw", "pace_task", "-o", "absent/x.png"], "cannot be written"),
+    ],
+)
+def test_mistakes_in_drawing_give_one_line(capsys, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(capsys, *arguments)
+    assert list(tmp_path.iterdir()) == []
