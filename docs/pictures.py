@@ -52,9 +52,20 @@ def diagram(path: Path) -> None:
     subprocess.run([dot, f"-T{path.suffix[1:]}", "-Gdpi=70", "-o", path], input=graph, text=True, check=True)
 
 
+def statechart(path: Path) -> None:
+    """The chart of Fig. 2, while a decision is asked for."""
+    try:
+        main(["chart", "draw", "pace_task", "--layout", "rows", "--highlight", "DECIDE", "-o", str(path)])
+    except SystemExit as stop:
+        if stop.code:
+            raise
+
+
 if __name__ == "__main__":
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "pictures"
     folder.mkdir(exist_ok=True)
     workcell(folder / "workcell.png")
     timeline(folder / "timeline.png")
     diagram(folder / "diagram.svg")
+    statechart(folder / "statechart.png")
+    statechart(folder / "statechart.svg")

@@ -16,7 +16,7 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    assert sorted(p.stem for p in EXAMPLES.glob("*.py")) == ["bridge", "simulate", "train"]
+    assert sorted(p.stem for p in EXAMPLES.glob("*.py")) == ["bridge", "own_chart", "simulate", "train"]
 
 
 def test_simulate(tmp_path, monkeypatch):
@@ -39,3 +39,17 @@ def test_bridge():
     assert accepted > 3900  # 200 Hz
     assert rejected == 0
     assert 0 < worst_error < 0.03  # [rad], lag of the peer's 30 Hz filter
+
+
+def test_own_chart():
+    taken, moved = load("own_chart").run()
+    assert taken == ["opens", "alarms", "goes_on", "closes"]
+    assert moved == pytest.approx(1.0)
+
+
+def test_the_door_holds():
+    from pace_drake.statechart.check import check, checks_path, load_spec
+
+    report = check(load_spec(checks_path(EXAMPLES / "door.scxml")))
+    assert report.holds
+    assert len(report.verdicts) == 6

@@ -10,7 +10,7 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
 
 
 def test_ten_lines_of_python(capsys):
-    assert len(BLOCKS) == 2
+    assert len(BLOCKS) == 3
     assert len([line for line in BLOCKS[0].splitlines() if line]) <= 11
     exec(BLOCKS[0], {})
     numbers = re.findall(r"\d+\.?\d*", capsys.readouterr().out)
@@ -26,6 +26,15 @@ def test_the_phase_estimator_alone():
     assert names["phase"] == 1.0
     assert names["phases"].shape == (80,)
     assert (names["remaining_time"] > 0.0).all()
+
+
+def test_the_statechart_alone(monkeypatch):
+    from pydrake.systems.framework import DiagramBuilder
+
+    monkeypatch.chdir(README.parent)
+    names = {"builder": DiagramBuilder()}
+    exec(BLOCKS[2], names)
+    assert names["door"].num_input_ports() == 2
 
 
 def test_every_link_leads_somewhere():
