@@ -1,4 +1,4 @@
-"""Times one reaction of the task's chart beside other engines, on the same trace: ``python benchmarks/bench_statechart.py``.
+"""Times a reaction of the task's chart beside other engines, on one trace: ``python benchmarks/bench_statechart.py``.
 
 Rounds take turns. "best" is the least of all rounds; ratios are those of best times, and mean something only within one
 run. Engines that are not installed are left out, and named.
