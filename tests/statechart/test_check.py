@@ -160,6 +160,31 @@ def test_what_cannot_matter_is_forgotten(small):
     assert 8 < report.states < 4 * 2 * 2 * 4
 
 
+KEEP = (
+    HEAD.format(name="keep")
+    + """<datamodel>
+<data id="go" pace:role="input" pace:type="boolean"/><data id="value" pace:role="input" pace:type="integer"/>
+<data id="v" pace:type="integer"/><data id="out" expr="v" pace:role="output" pace:type="integer"/></datamodel>
+<state id="S"><transition pace:id="take" cond="go == 1"><assign location="v" expr="value"/></transition></state>
+</scxml>"""
+)
+
+
+def test_what_is_read_at_once_is_remembered_while_nothing_fires(tmp_path):
+    (tmp_path / "keep.scxml").write_text(KEEP)
+    (tmp_path / "copy.scxml").write_text(RIGHT.replace('name="right"', 'name="copy"'))
+    (tmp_path / "keep.checks.yaml").write_text("""
+components: {keep: {chart: keep.scxml}, copy: {chart: copy.scxml}}
+immediate: [keep]
+connections: {copy.count: keep.out}
+free: {keep.go: [0, 1], keep.value: [1, 2]}
+properties:
+  - {name: kept, always: "copy.m == 2 && keep.go == 0 => copy.m' == 2"}
+  - {name: taken, reachable: "copy.m == 2"}
+""")
+    assert check(load_spec(tmp_path / "keep.checks.yaml")).holds
+
+
 def test_liveness_needs_its_assumption(small):
     assert verdicts(check(small('{name: p, eventually: "right.m == 3", fair: [it goes]}')))["p"].holds
     # From n = 2 on, n = 1 is behind for ever.

@@ -160,6 +160,8 @@ def test_a_history_has_a_default(tmp_path):
         ("u == 1 &amp;&amp; n &gt; 2", "n &lt; 1", True),  # not word by word: z3
         ("u % 2 == 1", "u % 2 == 0", True),
         ("u + n == 2", "u + n == 3", True),
+        ("u % 2 == -1", "u == -1", False),  # the sign of the dividend
+        ("u % 2 == -1", "u == 1", True),
         ("u == 1", "n == 0", False),
         ("u &gt;= n", "u &lt;= n", False),
         ("u == 1 || n == 1", "u == 0", False),

@@ -142,6 +142,7 @@ CORNERS = """<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:pace="urn:pace
  <transition pace:id="again" cond="u == 8" target="A"/>
  <state id="B"><transition cond="u == 1 || u == 9" target="C"/></state>
  <state id="C" initial="E"><transition cond="!(u != 3)" target="B"/>
+  <transition pace:preemptive="true" cond="u &gt;= 9" target="B"/>
   <state id="E"><transition cond="u == 4" target="F"/></state>
   <state id="F"><transition cond="u == 7" target="C"/></state>
  </state>
@@ -169,15 +170,15 @@ def play(compiled: CompiledChart, inputs: list[dict[str, float]]) -> Trace:
 
 def test_corners_of_the_semantics(corners):
     """A history before and after it was left, inner before outer, preemption, internal and self-transitions."""
-    trace = play(corners, [{"u": u} for u in (5, 4, 9, 5, 7, 1, 3, 1, 2, 4, 8, 9, 6, 9, 5)])
+    trace = play(corners, [{"u": u} for u in (5, 4, 9, 5, 7, 1, 3, 1, 2, 4, 8, 9, 6, 9, 5, 1, 4, 10)])
     n = corners.variable_index["n"]
     assert [(corners.leaf(x), x[n]) for x in trace.states] == [
         ("E", -1), ("F", -1), ("D", -1), ("F", -1), ("E", -1), ("E", 0), ("B", 0), ("E", 0), ("E", -2), ("F", -2),
-        ("B", -2), ("D", -2), ("B", -2), ("D", -2), ("B", -2),
+        ("B", -2), ("D", -2), ("B", -2), ("D", -2), ("B", -2), ("E", -2), ("F", -2), ("B", -2),
     ]  # fmt: skip
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_engine_does_the_same_in_the_corners(corners, engine, request):
     rng = np.random.default_rng(1)
-    assert_same(corners, play(corners, [{"u": float(u)} for u in rng.integers(1, 10, 400)]), engine, request)
+    assert_same(corners, play(corners, [{"u": float(u)} for u in rng.integers(1, 11, 400)]), engine, request)
