@@ -58,6 +58,11 @@ def command(
         else:
             given = {name: Path(value) for name, value in map(_pair, charts)}
             spec = load_spec(found, charts=given, parameters={n: _number(n, v) for n, v in map(_pair, overrides)})
+            if not any(Path(part.compiled.chart.path).resolve() == path.resolve() for part in spec.components):
+                names = ", ".join(part.name for part in spec.components)
+                raise InputError(
+                    f"{found} does not run {path}; name the one it stands for: --chart COMPONENT={path} ({names})"
+                )
             report = check(spec)
     _show(console, report)
     if json_file is not None:

@@ -23,6 +23,7 @@ from pace_drake.statechart.model import TYPES, Chart, State, Transition, time_bo
 SCXML = "http://www.w3.org/2005/07/scxml"
 PACE = "urn:pace-drake:statechart"
 _MAX_BYTES = 1_000_000
+_MAX_DEPTH = 40
 
 #: element -> (attributes of SCXML, attributes of our namespace)
 _ATTRIBUTES: dict[str, tuple[set[str], set[str]]] = {
@@ -91,6 +92,8 @@ def _parse_xml(path: str, data: bytes) -> _Element:
             if space not in ("", PACE) or attribute not in known:
                 raise fail(f"unknown attribute {attribute!r} of <{tag}>; remove it")
             (element.marks if space == PACE else element.attributes)[attribute] = value
+        if len(stack) == _MAX_DEPTH:
+            raise fail(f"elements nested deeper than {_MAX_DEPTH}; this is not a chart")
         (stack[-1].children if stack else root).append(element)
         stack.append(element)
 

@@ -39,7 +39,8 @@ def test_check_shows_the_shortest_counterexample(capsys, tmp_path):
     error = DESIGN_ERRORS["resuming while the robot moves"]
     chart = mutated(tmp_path, error.changes)["task"]
     out = tmp_path / "verdicts.json"
-    assert pace("check", "pace_task", "--chart", f"task={chart}", "--json", out) == 1
+    checks = resource_path("statecharts/pace_task.checks.yaml")
+    assert pace("check", chart, "--checks", checks, "--chart", f"task={chart}", "--json", out) == 1
     text = capsys.readouterr().out
     assert f"shortest counterexample: {error.depth} ticks" in text
     verdict = next(v for v in json.loads(out.read_text())["verdicts"] if v["name"] == error.broken)
@@ -73,6 +74,16 @@ def test_mistakes_give_one_line(capsys, tmp_path, monkeypatch, arguments, messag
     monkeypatch.chdir(tmp_path)
     assert message in refused(capsys, *arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_check_that_does_not_run_the_chart_says_so(capsys, tmp_path):
+    """Else a changed copy would seem proven."""
+    path = tmp_path / "copy.scxml"
+    path.write_text(resource_path("statecharts/pace_task.scxml").read_text())
+    checks = resource_path("statecharts/pace_task.checks.yaml")
+    assert f"--chart COMPONENT={path}" in refused(capsys, "check", path, "--checks", checks)
+    small = ("--set", "M=1", "--set", "L=1")
+    assert pace("check", path, "--checks", checks, "--chart", f"task={path}", *small) == 0
 
 
 def test_lower_writes_what_is_shipped(tmp_path):

@@ -272,6 +272,16 @@ def test_mistakes_in_the_checks_give_one_line(small, tmp_path, old, new, message
     assert spec.path == str(path)
 
 
+@pytest.mark.parametrize("data", [b"[" * 100_000, b"\xff\xfe\x00", b"a: &a [*a]", b"x" * 300_000])
+def test_what_is_no_check_at_all_gives_one_line(tmp_path, data):
+    path = tmp_path / "wild.checks.yaml"
+    path.write_bytes(data)
+    with pytest.raises(InputError) as error:
+        load_spec(path)
+    assert "\n" not in " ".join(str(error.value).split())
+    assert str(path) in str(error.value)
+
+
 def test_a_counter_without_end_says_what_to_do(small):
     small("{name: p, never: left.n == 9}")
     spec = small("{name: p, never: left.unused == 9}")

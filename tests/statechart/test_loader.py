@@ -82,6 +82,7 @@ def test_a_small_chart_loads(tmp_path):
             "unknown name 'm'",
         ),
         ('<state id="B"><assign location="n" expr="1"/></state>', 6, "cannot stand inside <state>"),
+        ("".join(f'<state id="s{k}">' for k in range(10_000)), 6, "nested deeper than 40"),
         (TWO + "text\n", 7, "unexpected text 'text'"),
         ("<state>", 6, "needs the attribute 'id'|not well-formed"),
         (TWO + "<state id='C' initial='A'><state id='D'/></state>\n", 8, "'A' is not directly inside 'C'"),
