@@ -165,7 +165,7 @@ class _Builder:
             if datum.marks.get("role") == "output":
                 text = datum.attributes.get("expr", "0")
                 what = f"output {datum.attributes['id']!r}"
-                self.outputs[datum.attributes["id"]] = self.stored_value(datum, what, text)
+                self.outputs[datum.attributes["id"]] = self.stored_value(datum, what, text, datum.attributes["id"])
         for child in root.children:
             if child.tag == "state":
                 self.read_state(child, None)
@@ -285,12 +285,15 @@ class _Builder:
                     f"state {state!r} gives the unknown output {name!r}; declare it as "
                     f"<data id={name!r} pace:role='output'/>",
                 )
-            outputs[name] = self.stored_value(element, f"output {name!r} of {state!r}", text)
+            outputs[name] = self.stored_value(element, f"output {name!r} of {state!r}", text, name)
         return outputs
 
-    def stored_value(self, element: _Element, what: str, text: str) -> Expression:
+    def stored_value(self, element: _Element, what: str, text: str, output: str) -> Expression:
         """An output is a number that depends on what is stored, never on inputs or the time (Moore)."""
         expression = self.expression(element, what, text, condition=False)
+        unit = unit_of(expression.tree, self.units)
+        if unit != self.units[output]:
+            raise self.fail(element, f"{what} is {unit}, but its type says {self.units[output]}; give it another type")
         for name in expression.names():
             if self.names[name] not in ("variable", "parameter", "constant"):
                 raise self.fail(element, f"{what} may not use the {self.names[name]} {name!r}, only what is stored")

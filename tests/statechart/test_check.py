@@ -272,6 +272,44 @@ def test_mistakes_in_the_checks_give_one_line(small, tmp_path, old, new, message
     assert spec.path == str(path)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            '"other" pace:role="input" pace:type="integer"',
+            '"other" pace:role="input" pace:type="sequence"',
+            "right.k is a plain",
+        ),
+        ('"go" pace:role="input" pace:type="boolean"', '"go" pace:role="input" pace:type="time"', "connect it"),
+        (
+            '<data id="unused"/>',
+            '<data id="unused"/><data id="p" pace:role="parameter" pace:type="time"/>',
+            "never moves",
+        ),
+    ],
+)
+def test_times_and_numbers_come_from_where_they_can_be_counted_anew(small, tmp_path, old, new, message):
+    small("{name: p, never: left.n == 9}")
+    assert old in LEFT
+    text = LEFT.replace(old, new).replace("go == 1", "n &gt;= 0").replace("other != 3", "n &gt;= 0")
+    (tmp_path / "left.scxml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_spec(tmp_path / "small.checks.yaml")
+
+
+def test_a_timer_that_runs_from_the_start_is_played_again_exactly(tmp_path):
+    (tmp_path / "timer.scxml").write_text(
+        HEAD.format(name="timer")
+        + """<datamodel><data id="since" pace:type="time"/></datamodel>
+<state id="A"><transition pace:id="rings" cond="now &gt;= since + 2" target="B"/></state><state id="B"/></scxml>"""
+    )
+    (tmp_path / "timer.checks.yaml").write_text(
+        "components: {timer: {chart: timer.scxml}}\nproperties: [{name: p, reachable: timer.rings}]\n"
+    )
+    verdict = verdicts(check(load_spec(tmp_path / "timer.checks.yaml")))["p"]
+    assert [row.fired for row in verdict.rows] == [{}, {}, {"timer": ["rings"]}]
+
+
 @pytest.mark.parametrize("data", [b"[" * 100_000, b"\xff\xfe\x00", b"a: &a [*a]", b"x" * 300_000])
 def test_what_is_no_check_at_all_gives_one_line(tmp_path, data):
     path = tmp_path / "wild.checks.yaml"

@@ -11,7 +11,7 @@ from pace_drake.statechart import load_chart
 HEAD = (
     '<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:pace="urn:pace-drake:statechart" version="1.0" initial="A">\n'
     '<datamodel>\n<data id="u" expr="0" pace:role="input"/>\n<data id="n" expr="0"/>'
-    '<data id="t" expr="0" pace:type="time"/>\n</datamodel>\n'
+    '<data id="t" expr="0" pace:type="time"/><data id="out" pace:role="output"/>\n</datamodel>\n'
 )
 TWO = (
     '<state id="A"><transition cond="u == 1" target="B"/></state>\n'
@@ -66,6 +66,8 @@ def test_a_small_chart_loads(tmp_path):
             "can both be enabled .u = 1",
         ),
         (TWO.replace('id="B"', 'id="B" pace:output="o = n"'), 7, "unknown output 'o'; declare it"),
+        (TWO.replace('id="B"', 'id="B" pace:output="out = t"'), 7, "is a time, but its type says a plain number"),
+        (TWO.replace('id="B"', 'id="B" pace:output="out = u"'), 7, "may not use the input 'u'"),
         (TWO.replace('id="B"', 'id="B" pace:output="n"'), 7, "write name = expression"),
         (TWO.replace('id="B"', 'id="B" pace:decision="n"'), 7, "unknown input 'n'"),
         (TWO.replace('id="B"', 'id="var"').replace('"B"', '"var"'), 7, "'var' cannot name a state"),

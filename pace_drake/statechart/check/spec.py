@@ -234,6 +234,7 @@ class _Reader:
                     f"{self.components[reader].name}.{name} reads the immediate component "
                     f"{self.components[connection.source].name}, which must stand before it"
                 )
+        self.check_origins(connections)
         given = self.data.get("sequences") or []
         if not isinstance(given, list):
             raise self.fail("sequences must be a list of variables")
@@ -256,6 +257,29 @@ class _Reader:
             horizon=None if horizon is None else self.number(horizon, "horizon"),
             properties=tuple(self.property(entry, fairness, free) for entry in entries),
         )
+
+    def check_origins(self, connections: Mapping[tuple[int, str], Connection]) -> None:
+        """Times and sequence numbers may only come from where they are kept relative to now and to a counter."""
+        for k, spec in enumerate(self.components):
+            chart = spec.compiled.chart
+            units = chart.units()
+            for name in (*chart.parameters, *chart.constants):
+                if units[name] != Unit():
+                    raise self.fail(f"{chart.path}: {name!r} is {units[name]} that never moves; make it an input")
+            for name in chart.inputs:
+                connection = connections.get((k, name))
+                if connection is None:
+                    if units[name] != Unit():
+                        raise self.fail(
+                            f"{spec.name}.{name} is {units[name]}; connect it, it can be neither free nor fixed"
+                        )
+                    continue
+                source = self.components[connection.source].compiled.chart.units().get(connection.name, Unit())
+                if source != units[name]:
+                    other = f"{self.components[connection.source].name}.{connection.name}"
+                    raise self.fail(
+                        f"{spec.name}.{name} is {units[name]}, but {other} is {source}; mend their pace:type"
+                    )
 
     def component_index(self, name: str) -> int:
         if name not in self.index:

@@ -223,7 +223,7 @@ def _rows(composition: Composition, path: list[tuple[int, Step]]) -> tuple[Row, 
                     u[place] = step[k].u[place]
                     if u[place] != 0 and name in composition.components[k].open_reads(int(x[k][0])):
                         row.inputs[f"{part.name}.{name}"] = u[place]
-            y, fired = composition.components[k].step(x[k], u, float(tick))
+            y, fired = composition.components[k].step(x[k], u, tick - 1.0)
             if fired != step[k].fired and composition.components[k].tells_transitions_apart:
                 raise RuntimeError(f"exploration and the chart {part.name} differ at tick {tick}; please report this")
             row.leaves[part.name] = compiled[k].leaf(y)
