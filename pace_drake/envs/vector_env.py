@@ -1,0 +1,97 @@
+"""PaceAssemblyVectorEnv: the compiled twin as a Gymnasium vector environment."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from pace_drake.envs.assembly_env import MAX_ELAPSED
+from pace_drake.envs.twin import FINISHED, AssemblyTwin, Pool, make_pool
+from pace_drake.people import load_people
+from pace_drake.scenario import Scenario, load_scenario
+
+
+class PaceAssemblyVectorEnv(VectorEnv):
+    """``num_envs`` copies of PaceAssembly-v0 (see ``PaceAssemblyEnv``), compiled.
+
+    An environment that ends is reset in the same step: its observation is then that of the new episode, the last
+    one of the old is in ``infos["final_obs"]``, with ``infos["cost"]`` of the old episode.
+
+    Args:
+        scenario: name, .yaml file or a ``Scenario``.
+        num_envs: how many.
+        pool: draws of the scenario; None draws ``pool_size`` of them with ``pool_seed``.
+        pool_size, pool_seed: see ``make_pool``.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - as Gymnasium declares it
+
+    def __init__(
+        self,
+        scenario: str | Scenario = "ikea_chair",
+        num_envs: int = 256,
+        pool: Pool | None = None,
+        pool_size: int = 256,
+        pool_seed: int = 0,
+    ) -> None:
+        loaded = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        if pool is None:
+            pool = make_pool(loaded, load_people(loaded), pool_size, np.random.default_rng(pool_seed))
+        self.scenario, self.num_envs = loaded, num_envs
+        self.twin = AssemblyTwin(loaded, pool, num_envs)
+        task = loaded.task
+        self.single_action_space = gym.spaces.Discrete(2)
+        self.single_observation_space = gym.spaces.Box(
+            low=np.array([1, 1, 0, 0], dtype=np.float32),
+            high=np.array([task.num_robot_tasks, task.num_human_actions, MAX_ELAPSED, 1], dtype=np.float32),
+        )
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._cost = np.zeros(num_envs)
+        self._steps = np.zeros(num_envs, dtype=int)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Starts an episode in every environment.
+
+        Args:
+            seed: of all draws from now on; None goes on with those of before.
+            options: ``{"parts": (num_envs, N + 3)}`` plays these rows of ``Pool.sample`` instead of drawing.
+        """
+        super().reset(seed=seed)
+        parts = (options or {}).get("parts")
+        self._start(np.arange(self.num_envs), parts)
+        return self._observation(), {"time": self.twin.time.copy()}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Carries out one decision in each environment; see the class."""
+        twin = self.twin
+        before = twin.time.copy()
+        twin.step(actions)
+        self._steps += 1
+        cost = twin.cost
+        rewards = self._cost - cost
+        terminated = twin.status == FINISHED
+        truncated = ~terminated & (self._steps >= self.scenario.max_decisions)
+        infos: dict[str, Any] = {"time": twin.time.copy(), "duration": twin.time - before, "cost": cost}
+        ended = np.flatnonzero(terminated | truncated)
+        if len(ended):
+            infos["final_obs"], infos["_final_obs"] = self._observation(), terminated | truncated
+            self._cost = cost.copy()
+            self._start(ended, None)
+        else:
+            self._cost = cost
+        return self._observation(), rewards, terminated, truncated, infos
+
+    def _start(self, envs: np.ndarray, parts: np.ndarray | None) -> None:
+        self.twin.start(envs, self.twin.pool.sample(len(envs), self.np_random) if parts is None else parts)
+        self._cost[envs] = 0.0
+        self._steps[envs] = 0
+
+    def _observation(self) -> np.ndarray:
+        observation = self.twin.observation.astype(np.float32)
+        np.minimum(observation[:, 2], MAX_ELAPSED, out=observation[:, 2])
+        return observation

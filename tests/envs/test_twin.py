@@ -1,0 +1,152 @@
+"""The compiled twin and the diagram make the same episodes of the same draws."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from pace_drake.envs.assembly_env import PaceAssemblyEnv
+from pace_drake.envs.twin import DECISION, FINISHED, AssemblyTwin, make_pool
+from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
+from pace_drake.errors import InputError
+from pace_drake.people import load_people
+from pace_drake.scenario import load_scenario
+
+NUM_EPISODES = 1000
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("ikea_chair")
+
+
+@pytest.fixture(scope="module")
+def pool(scenario):
+    return make_pool(scenario, load_people(scenario), 60, np.random.default_rng(1))
+
+
+def twin_episodes(scenario, pool, parts, actions):
+    """Per decision: observations, times and idles, of all episodes at once; the last row is the end."""
+    twin = AssemblyTwin(scenario, pool, len(parts))
+    twin.start(np.arange(len(parts)), parts)
+    rows = []
+    for step in range(actions.shape[1]):
+        rows.append(
+            [a.copy() for a in (twin.status, twin.observation, twin.time, twin.robot_idle, twin.human_idle, twin.cost)]
+        )
+        going = np.flatnonzero(twin.status == DECISION)
+        if not len(going):
+            return [np.array(column) for column in zip(*rows, strict=True)]
+        twin.step(actions[going, step], going)
+    raise AssertionError("not enough actions")
+
+
+def assert_same(scenario, pool, num_episodes, seed, assist=0.3):
+    rng = np.random.default_rng(seed)
+    parts = pool.sample(num_episodes, rng)
+    actions = (rng.random((num_episodes, 150)) < assist).astype(int)
+    actions[:, 60:] = 1  # so that all end
+    status, observation, time, robot_idle, human_idle, cost = twin_episodes(scenario, pool, parts, actions)
+    env = PaceAssemblyEnv(scenario)
+    decisions = 0
+    for e in range(num_episodes):
+        seen, info = env.reset(options={"episode": pool.episode(parts[e])})
+        for step in range(actions.shape[1]):
+            decisions += 1
+            finished = status[step, e] == FINISHED
+            assert info["time"] == pytest.approx(time[step, e], abs=1e-9)
+            assert np.abs(info["robot_idle"] - robot_idle[step, e]).max() <= 1e-9
+            assert np.abs(info["human_idle"] - human_idle[step, e]).max() <= 1e-9
+            assert info["cost"] == pytest.approx(cost[step, e], abs=1e-8)
+            expected = observation[step, e].astype(np.float32)
+            # Phases identical; the elapsed time is a difference of times, equal to rounding.
+            assert (seen[[0, 1, 3]] == expected[[0, 1, 3]]).all() or finished
+            assert seen[2] == pytest.approx(expected[2], abs=1e-5)
+            if finished:
+                break
+            seen, _, terminated, _, info = env.step(actions[e, step])
+            assert terminated == (status[step + 1, e] == FINISHED)
+    return decisions
+
+
+@pytest.mark.slow
+def test_a_thousand_episodes_are_those_of_the_diagram(scenario, pool):
+    assert assert_same(scenario, pool, NUM_EPISODES, 2) > 5 * NUM_EPISODES
+
+
+@pytest.mark.parametrize(
+    "changes", [{"wait_timeout": 3.0}, {"decide_at_start": False}, {"max_decisions": 200, "wait_timeout": 0.5}]
+)
+def test_other_scenarios_too(scenario, changes):
+    changed = deepcopy(scenario)
+    for name, value in changes.items():
+        setattr(changed, name, value)
+    other = make_pool(changed, load_people(changed), 20, np.random.default_rng(3))
+    assert_same(changed, other, 25, 4, assist=0.5)
+
+
+def test_one_and_many_are_the_same(scenario, pool):
+    rng = np.random.default_rng(5)
+    parts, actions = pool.sample(40, rng), rng.integers(0, 2, (40, 100))
+    many = twin_episodes(scenario, pool, parts, actions)
+    for e in range(0, 40, 13):
+        one = twin_episodes(scenario, pool, parts[e : e + 1], actions[e : e + 1])
+        for alone, together in zip(one, many, strict=True):
+            assert np.array_equal(alone[:, 0], together[: len(alone), e])
+
+
+def test_vector_env(scenario, pool):
+    envs = PaceAssemblyVectorEnv(scenario, num_envs=48, pool=pool)
+    observation, _ = envs.reset(seed=7)
+    assert envs.observation_space.contains(observation)
+    total, ended = np.zeros(48), 0
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        observation, reward, terminated, truncated, infos = envs.step(rng.integers(0, 2, 48))
+        assert envs.observation_space.contains(observation)
+        assert (reward <= 1e-9).all()
+        total += reward
+        for e in np.flatnonzero(terminated):
+            assert -total[e] == pytest.approx(infos["cost"][e], abs=1e-6)
+            assert infos["_final_obs"][e]
+            assert envs.single_observation_space.contains(infos["final_obs"][e])
+            assert observation[e, 2] == 0.0  # a new episode
+            total[e] = 0.0
+            ended += 1
+        assert not truncated.any()
+    assert ended > 100
+
+
+def test_the_same_seed_gives_the_same_episodes(scenario, pool):
+    def run(seed):
+        envs = PaceAssemblyVectorEnv(scenario, num_envs=8, pool=pool)
+        rows = [envs.reset(seed=seed)[0]]
+        rows += [envs.step(np.arange(8) % 2)[0] for _ in range(50)]
+        return np.array(rows)
+
+    assert np.array_equal(run(1), run(1))
+    assert not np.array_equal(run(1), run(2))
+
+
+def test_it_truncates_as_the_scenario_says(scenario, pool):
+    changed = deepcopy(scenario)
+    changed.max_decisions = 5
+    envs = PaceAssemblyVectorEnv(changed, num_envs=4, pool=pool)
+    envs.reset(seed=0)
+    ends = [envs.step(np.zeros(4, dtype=int))[3] for _ in range(10)]
+    assert [bool(e.all()) for e in ends] == [False] * 4 + [True] + [False] * 4 + [True]
+
+
+def test_mistakes(scenario, pool):
+    twin = AssemblyTwin(scenario, pool, 2)
+    with pytest.raises(RuntimeError, match="environment 0 is not at a decision"):
+        twin.step(np.zeros(2))
+    twin.start(np.arange(2), pool.sample(2, np.random.default_rng(0)))
+    with pytest.raises(ValueError, match="must be 0 or 1"):
+        twin.step(np.array([0.0, np.nan]))
+    with pytest.raises(ValueError, match="need as many actions"):
+        twin.step(np.zeros(3))
+    changed = deepcopy(scenario)
+    changed.human.monitor = "detector"
+    with pytest.raises(InputError, match="the twin knows the person as told"):
+        AssemblyTwin(changed, pool, 1)
