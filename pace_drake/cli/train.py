@@ -1,8 +1,9 @@
 """``pace train``: learns when to assist."""
 
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -14,9 +15,20 @@ if TYPE_CHECKING:
     from pace_drake.scenario import Scenario
 
 
-@click.command("train", short_help="Train a policy with PPO through the diagram.")
+@click.command("train", short_help="Train a policy with PPO.")
 @click.argument("scenario", default="ikea_chair")
-@click.option("--steps", type=click.IntRange(min=1), default=20_000, show_default=True, help="Decisions to train on.")
+@click.option(
+    "--backend",
+    type=click.Choice(["twin", "diagram"]),
+    default="twin",
+    show_default=True,
+    help="Train on the compiled twin, or step the Drake diagram itself.",
+)
+@click.option(
+    "--steps",
+    type=click.IntRange(min=1),
+    help="Decisions to train on; default 1,000,000 with the twin, 20,000 with the diagram.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
 @click.option(
     "--episodes",
@@ -31,7 +43,15 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path, dir_okay=False),
     help="Policy file; default policy-<scenario>-<seed>.onnx. A card (.json) goes beside it.",
 )
-def command(scenario: str, steps: int, seed: int, episodes: int, overrides: tuple[str, ...], out: Path | None) -> None:
+def command(
+    scenario: str,
+    backend: Literal["twin", "diagram"],
+    steps: int | None,
+    seed: int,
+    episodes: int,
+    overrides: tuple[str, ...],
+    out: Path | None,
+) -> None:
     """Train a policy for SCENARIO on its people's training trials, and write it as ONNX.
 
     The policy is evaluated on the scenario's own split (validation trials) at the end.
@@ -43,7 +63,7 @@ def command(scenario: str, steps: int, seed: int, episodes: int, overrides: tupl
     from pace_drake.scenario import load_scenario
 
     try:
-        from pace_drake.learning.ppo import PPOSettings, train_ppo
+        from pace_drake.learning.ppo import TWIN_SETTINGS, PPOSettings, train_ppo
     except ModuleNotFoundError as error:
         raise InputError(f"training needs {error.name}: install it with pip install 'pace_drake[train]'") from error
     path = out or Path(f"policy-{Path(scenario).stem}-{seed}.onnx")
@@ -52,20 +72,23 @@ def command(scenario: str, steps: int, seed: int, episodes: int, overrides: tupl
     if not path.parent.is_dir():
         raise InputError(f"{path.parent}: no such folder for the policy")
     loaded = load_scenario(scenario, overrides)
-    settings = PPOSettings(steps=steps, seed=seed)
+    settings = replace(TWIN_SETTINGS if backend == "twin" else PPOSettings(), seed=seed)
+    if steps is not None:
+        settings = replace(settings, steps=steps)
     console = Console()
     columns = (TextColumn("PPO, decisions"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
         rollout = settings.num_envs * settings.rollout
-        item = bar.add_task("", total=-(-steps // rollout) * rollout)
-        model = train_ppo(loaded, settings, lambda done: bar.update(item, completed=done))
-    _finish(model, loaded, settings, path, episodes, console)
+        item = bar.add_task("", total=-(-settings.steps // rollout) * rollout)
+        model = train_ppo(loaded, settings, lambda done: bar.update(item, completed=done), backend)
+    _finish(model, loaded, settings, backend, path, episodes, console)
 
 
 def _finish(
     model: "PPO",
     scenario: "Scenario",
     settings: "PPOSettings",
+    backend: str,
     path: Path,
     episodes: int,
     console: "Console",
@@ -82,6 +105,7 @@ def _finish(
 
     packages = ("pace_drake", "drake", "stable-baselines3", "torch", "onnx")
     card = {
+        "backend": backend,
         "settings": asdict(settings),
         "decisions": model.num_timesteps,
         "versions": {name: version(name) for name in packages},

@@ -152,7 +152,9 @@ class AssemblyTwin:
 
     def __init__(self, scenario: Scenario, pool: Pool, num_envs: int = 1) -> None:
         if scenario.human.monitor != "told":
-            raise InputError(f"human.monitor: the twin knows the person as told, not by {scenario.human.monitor!r}")
+            raise InputError(
+                f"human.monitor: the twin knows the person as told, not by {scenario.human.monitor!r}: use the diagram"
+            )
         self.scenario, self.pool, self.num_envs = scenario, pool, num_envs
         task = scenario.task
         compiled = compile_chart(load_chart(scenario.chart_path()))

@@ -1,6 +1,9 @@
 """The compiled twin and the diagram make the same episodes of the same draws."""
 
+import importlib.util
 from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -83,6 +86,34 @@ def test_other_scenarios_too(scenario, changes):
         setattr(changed, name, value)
     other = make_pool(changed, load_people(changed), 20, np.random.default_rng(3))
     assert_same(changed, other, 25, 4, assist=0.5)
+
+
+def plain_env(task):
+    path = Path(__file__).resolve().parents[2] / "benchmarks" / "plain_env.py"
+    spec = importlib.util.spec_from_file_location("plain_env", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.PlainEnv(task)
+
+
+def test_idle_times_are_those_of_the_resolved_event_order(scenario, pool):
+    """The paper's step written out, on 300 episodes; homing may outlast the person's next actions."""
+    rng = np.random.default_rng(6)
+    slow = replace(pool, homing=pool.homing * rng.choice([1.0, 6.0], pool.homing.shape))
+    parts, actions = slow.sample(300, rng), (rng.random((300, 150)) < 0.3).astype(int)
+    actions[:, 60:] = 1
+    status, observation, time, robot_idle, human_idle, _ = twin_episodes(scenario, slow, parts, actions)
+    plain = plain_env(scenario.task)
+    for e in range(300):
+        seen, _ = plain.reset(options={"episode": slow.episode(parts[e])})
+        for step in range(actions.shape[1]):
+            assert plain.time == pytest.approx(time[step, e], abs=1e-9)
+            assert np.abs(plain.robot_idle - robot_idle[step, e]).max() <= 1e-9
+            assert np.abs(plain.human_idle - human_idle[step, e]).max() <= 1e-9
+            if status[step, e] == FINISHED:
+                break
+            assert np.abs(seen[:3] - observation[step, e, :3]).max() < 1e-4
+            seen, *_ = plain.step(actions[e, step])
 
 
 def test_one_and_many_are_the_same(scenario, pool):
