@@ -86,21 +86,23 @@ def _number(name: str, text: str) -> float:
 
 
 def _show(console: "Console", report: "Report") -> None:
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=f"{report.path}: {report.states:,} states, {report.steps:,} steps", title_justify="left")
+    title = f"{report.path}: {report.states:,} states, {report.steps:,} steps"
+    table = Table(title=escape(title), title_justify="left")
     table.add_column("property")
     table.add_column("verdict")
     table.add_column("examined", justify="right")
-    table.add_column("time [s]", justify="right")
+    table.add_column("seconds", justify="right")
     for verdict in report.verdicts:
         word = "[green]holds[/]" if verdict.holds else "[bold red]VIOLATED[/]"
-        table.add_row(verdict.name, word, f"{verdict.examined:,} {verdict.unit}", f"{verdict.seconds:.2f}")
+        table.add_row(escape(verdict.name), word, f"{verdict.examined:,} {verdict.unit}", f"{verdict.seconds:.2f}")
     console.print(table)
     for verdict in report.verdicts:
         if verdict.holds:
             continue
-        console.print(f"\n[bold]{verdict.name}[/]: {verdict.text}", highlight=False, soft_wrap=True)
+        console.print(f"\n[bold]{escape(verdict.name)}[/]: {escape(verdict.text)}", highlight=False, soft_wrap=True)
         if verdict.rows:
             console.print(_counterexample(verdict))
         elif verdict.reachable:

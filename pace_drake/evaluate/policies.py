@@ -1,0 +1,103 @@
+"""What policies cost on the same episodes, by the compiled twin."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import t
+
+from pace_drake.envs.twin import DECISION, FINISHED, AssemblyTwin, make_pool
+from pace_drake.people import People
+from pace_drake.policies import Policy
+from pace_drake.scenario import Scenario
+
+#: (demonstration, duration) pairs of each human action, of which episodes are put together.
+POOL_SIZE = 512
+
+
+@dataclass(frozen=True)
+class PolicyResult:
+    """Means over episodes.
+
+    Attributes:
+        robot_idle, human_idle: (L,) [s] per joint action.
+        cost: [s]; cost_interval: 95 % confidence interval of its mean.
+        saving: [s] mean cost of the first policy minus that of this one, on the same episodes; with its interval.
+        decisions: per episode.
+        truncated: share of episodes that were cut off after the scenario's ``max_decisions``.
+    """
+
+    policy: str
+    episodes: int
+    robot_idle: tuple[float, ...]
+    human_idle: tuple[float, ...]
+    cost: float
+    cost_interval: tuple[float, float]
+    saving: float
+    saving_interval: tuple[float, float]
+    decisions: float
+    truncated: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def evaluate_policies(
+    scenario: Scenario, people: People, policies: Mapping[str, Policy], episodes: int, seed: int
+) -> list[PolicyResult]:
+    """Plays every policy on the same drawn episodes.
+
+    Args:
+        scenario: its own split of people is used.
+        people: of the scenario.
+        policies: by name; the first is what savings are counted from.
+        episodes: how many, at least 2.
+        seed: of all draws.
+
+    Raises:
+        InputError: the scenario cannot be run by the twin.
+        RuntimeError: a policy gives no answer where the twin needs one.
+    """
+    rng = np.random.default_rng(seed)
+    pool = make_pool(scenario, people, POOL_SIZE, rng)
+    parts = pool.sample(episodes, rng)
+    results: list[PolicyResult] = []
+    first: np.ndarray | None = None
+    for name, policy in policies.items():
+        twin = AssemblyTwin(scenario, pool, episodes)
+        twin.start(np.arange(episodes), parts)
+        decisions = np.zeros(episodes, dtype=int)
+        while len(going := np.flatnonzero((twin.status == DECISION) & (decisions < scenario.max_decisions))):
+            # As in the diagram: policies see single precision.
+            observation = twin.observation[going].astype(np.float32).astype(float)
+            answers = np.array([policy.decide(row) for row in observation])
+            if (answers < 0).any():
+                raise RuntimeError(f"{name} gave no answer to {observation[answers < 0][0]}")
+            twin.step(answers, going)
+            decisions[going] += 1
+        cost = twin.cost
+        first = cost if first is None else first
+        results.append(
+            PolicyResult(
+                name,
+                episodes,
+                tuple(twin.robot_idle.mean(axis=0).tolist()),
+                tuple(twin.human_idle.mean(axis=0).tolist()),
+                float(cost.mean()),
+                _interval(cost),
+                float((first - cost).mean()),
+                _interval(first - cost),
+                float(decisions.mean()),
+                float((twin.status != FINISHED).mean()),
+            )
+        )
+    return results
+
+
+def _interval(values: np.ndarray) -> tuple[float, float]:
+    """95 % confidence interval of the mean (Student's t)."""
+    half = float(t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+    mean = float(values.mean())
+    return mean - half, mean + half
