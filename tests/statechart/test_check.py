@@ -255,6 +255,11 @@ def test_fair_loops_are_those_of_plain_enumeration(seed):
         ("when: left.A", "when: left.go' == 1", "has no value after it"),
         ("never:", "newer:", "needs 'name' and one of always, eventually, never, reachable"),
         ("name: p,", "name: p, fair: [],", "unknown key 'fair'"),
+        (
+            "  - {name: p, never",
+            "  - {name: p, never: left.n == 8}\n  - {name: p, never",
+            "two properties are named 'p'",
+        ),
         ("components:", "\tcomponents:", r":2: not readable as YAML"),
         ("components: {left", "immediate: [right]\ncomponents: {left", "which must stand before it"),
         ("components: {left", "sequences: [left.A]\ncomponents: {left", "must name variables"),

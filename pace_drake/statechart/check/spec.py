@@ -246,6 +246,10 @@ class _Reader:
         entries = self.data.get("properties") or []
         if not isinstance(entries, list) or not entries:
             raise self.fail("properties must be a list with at least one property")
+        properties = tuple(self.property(entry, fairness, free) for entry in entries)
+        names = [prop.name for prop in properties]
+        if repeated := {name for name in names if names.count(name) > 1}:
+            raise self.fail(f"two properties are named {sorted(repeated)[0]!r}; rename one")
         horizon = self.data.get("horizon")
         return Spec(
             path=str(self.path),
@@ -255,7 +259,7 @@ class _Reader:
             immediate=immediate,
             sequences=tuple((read.component, read.name) for _, read in found),
             horizon=None if horizon is None else self.number(horizon, "horizon"),
-            properties=tuple(self.property(entry, fairness, free) for entry in entries),
+            properties=properties,
         )
 
     def check_origins(self, connections: Mapping[tuple[int, str], Connection]) -> None:
