@@ -118,7 +118,7 @@ def policy(
     loaded = load_scenario(scenario, overrides)
     chosen = names or tuple(name for name in POLICIES if name != "never_assist")
     people = load_people(loaded)
-    results = evaluate_policies(loaded, people, {n: make_policy(n, loaded) for n in chosen}, episodes, seed)
+    results, limit = evaluate_policies(loaded, people, {n: make_policy(n, loaded) for n in chosen}, episodes, seed)
     console = Console()
     if not console.is_terminal:
         console = Console(width=120)
@@ -142,9 +142,11 @@ def policy(
             f"{100 * result.truncated:.0f} %" if result.truncated else "-",
         )
     console.print(shown)
+    console.print(f"least possible cost, all durations known beforehand: {limit:.2f}", highlight=False)
     if json_file is not None:
         data = {
             "scenario": loaded.name,
+            "clairvoyant_cost": limit,
             "people": people.description,
             "seed": seed,
             "policies": [result.to_json() for result in results],

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import t
 
 from pace_drake.envs.twin import DECISION, FINISHED, AssemblyTwin, make_pool
+from pace_drake.evaluate.clairvoyant import clairvoyant_cost
 from pace_drake.people import People
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
@@ -46,7 +47,7 @@ class PolicyResult:
 
 def evaluate_policies(
     scenario: Scenario, people: People, policies: Mapping[str, Policy], episodes: int, seed: int
-) -> list[PolicyResult]:
+) -> tuple[list[PolicyResult], float]:
     """Plays every policy on the same drawn episodes.
 
     Args:
@@ -55,6 +56,9 @@ def evaluate_policies(
         policies: by name; the first is what savings are counted from.
         episodes: how many, at least 2.
         seed: of all draws.
+
+    Returns:
+        (a result for each policy, mean of the least possible costs of these episodes [s]).
 
     Raises:
         InputError: the scenario cannot be run by the twin.
@@ -93,7 +97,7 @@ def evaluate_policies(
                 float((twin.status != FINISHED).mean()),
             )
         )
-    return results
+    return results, float(np.mean([clairvoyant_cost(scenario, pool.episode(row)) for row in parts]))
 
 
 def _interval(values: np.ndarray) -> tuple[float, float]:

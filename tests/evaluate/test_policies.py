@@ -19,7 +19,8 @@ NAMES = ("explicit_query", "elapsed_threshold", "phase_threshold", "learned")
 
 def test_it_is_what_the_diagram_says_of_the_same_episodes(chair):
     people = load_people(chair)
-    results = evaluate_policies(chair, people, {n: make_policy(n, chair) for n in NAMES}, 12, seed=4)
+    results, limit = evaluate_policies(chair, people, {n: make_policy(n, chair) for n in NAMES}, 12, seed=4)
+    assert 0 < limit < min(result.cost for result in results)
     rng = np.random.default_rng(4)
     pool = make_pool(chair, people, POOL_SIZE, rng)
     parts = pool.sample(12, rng)
@@ -36,8 +37,8 @@ def test_it_is_what_the_diagram_says_of_the_same_episodes(chair):
 def test_intervals_cover_and_savings_are_paired(chair):
     people = load_people(chair)
     policies = {n: make_policy(n, chair) for n in NAMES}
-    few = [evaluate_policies(chair, people, policies, 200, seed)[1] for seed in range(6)]
-    truth = evaluate_policies(chair, people, policies, 4000, 99)[1]
+    few = [evaluate_policies(chair, people, policies, 200, seed)[0][1] for seed in range(6)]
+    truth = evaluate_policies(chair, people, policies, 4000, 99)[0][1]
     covered = [one.cost_interval[0] <= truth.cost <= one.cost_interval[1] for one in few]
     assert sum(covered) >= 4
     # Paired: the episodes are the same, so the saving is known better than two costs that were drawn apart.
@@ -47,7 +48,7 @@ def test_intervals_cover_and_savings_are_paired(chair):
 
 
 def test_never_assisting_is_cut_off(chair):
-    (result,) = evaluate_policies(chair, load_people(chair), {"never": make_policy("never_assist", chair)}, 3, 0)
+    (result,), _ = evaluate_policies(chair, load_people(chair), {"never": make_policy("never_assist", chair)}, 3, 0)
     assert result.truncated == 1.0
     assert result.decisions == chair.max_decisions
 
@@ -74,6 +75,7 @@ def test_the_command(tmp_path, capsys):
     assert "SYNTHETIC" in text
     data = json.loads(out.read_text())
     assert [one["policy"] for one in data["policies"]] == ["explicit_query", "learned"]
+    assert 0 < data["clairvoyant_cost"] < data["policies"][1]["cost"]
     assert data["policies"][1]["saving"] == pytest.approx(data["policies"][0]["cost"] - data["policies"][1]["cost"])
 
 
