@@ -12,7 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from pace_drake.envs.assembly_env import PaceAssemblyEnv
-from pace_drake.envs.twin import FINISHED, AssemblyTwin, make_pool
+from pace_drake.envs.kernel import FINISHED
+from pace_drake.envs.pool import make_pool
+from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
 from pace_drake.learning.vec_env import TwinVecEnv
 from pace_drake.people import load_people
@@ -35,13 +37,13 @@ def rate(step, per_step: int) -> float:
 def main() -> None:
     scenario, rng = load_scenario("ikea_chair"), np.random.default_rng(0)
     pool = make_pool(scenario, load_people(scenario), 256, rng)
-    shown = Table("environment", "n", "decisions/s", title="Decisions")
+    shown = Table("environment", "n", "threads", "decisions/s", title="Decisions")
 
-    def add(name: str, n: int, value: float) -> None:
-        shown.add_row(name, str(n), f"{value:,.0f}")
+    def add(name: str, n: int, value: float, threads: int = 1) -> None:
+        shown.add_row(name, str(n), str(threads), f"{value:,.0f}")
 
-    for n in (1, 64, 256, 1024, 4096):
-        twin = AssemblyTwin(scenario, pool, n)
+    for n, threads in ((1, 1), (64, 1), (256, 1), (256, 2), (1024, 1), (1024, 2), (4096, 1), (4096, 2)):
+        twin = AssemblyTwin(scenario, pool, n, threads)
         twin.start(np.arange(n), pool.sample(n, rng))
         answers = (rng.random((64, n)) < 0.2).astype(float)
         at = iter(range(10**9))
@@ -52,7 +54,7 @@ def main() -> None:
             if len(ended):
                 twin.start(ended, pool.sample(len(ended), rng))
 
-        add("twin", n, rate(step, n))
+        add("twin", n, rate(step, n), threads)
     vec = TwinVecEnv(PaceAssemblyVectorEnv(scenario, 256, pool))
     vec.reset()
     actions = (rng.random((64, 256)) < 0.2).astype(int)

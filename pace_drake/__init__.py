@@ -9,3 +9,8 @@ from gymnasium.envs.registration import register
 __version__ = "0.1.0"
 
 register("PaceAssembly-v0", entry_point="pace_drake.envs.assembly_env:PaceAssemblyEnv")
+register(
+    "PaceAssemblyNoPhase-v0",
+    entry_point="pace_drake.envs.assembly_env:PaceAssemblyEnv",
+    kwargs={"observation": "none"},
+)

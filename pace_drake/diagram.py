@@ -14,6 +14,7 @@ from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
 from pace_drake.systems.observation import Observation
+from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.task_statechart import TaskStatechart
@@ -45,6 +46,7 @@ class Assembly(Diagram):
         scenario: what it was built from.
         people: the demonstrations in it.
         human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems.
+        pace_monitor: the person's pace so far; None where the policy does not see it.
         action_monitor: what the robot knows of the person by observation; None where it is told.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
@@ -99,7 +101,11 @@ class Assembly(Diagram):
         self.human: Human = add(Human(task, self.people.demonstrations, period, reaction_period))
         estimators = self.people.estimators(scenario)
         self.phase_estimator: PhaseEstimator = add(PhaseEstimator(estimators, period))
-        self.observation: Observation = add(Observation())
+        seen = scenario.observation if policy is None else policy.observation
+        self.observation: Observation = add(Observation(seen))
+        self.pace_monitor: PaceMonitor | None = None
+        if self.observation.HasInputPort("pace"):
+            self.pace_monitor = add(PaceMonitor(task, reaction_period))
         self.task_statechart: TaskStatechart = add(
             TaskStatechart(
                 compiled,
@@ -122,7 +128,7 @@ class Assembly(Diagram):
             self.task_statechart,
             self.robot_action,
             self.human,
-            *([] if self.action_monitor is None else [self.action_monitor]),
+            *(system for system in (self.action_monitor, self.pace_monitor) if system is not None),
             self.idle_meter,
         )
 
@@ -143,7 +149,12 @@ class Assembly(Diagram):
         connect(self.task_statechart, "robot_task", self.observation, "robot_task")
         connect(known, "human_action", self.observation, "human_action")
         connect(known, "human_elapsed", self.observation, "human_elapsed")
-        connect(self.phase_estimator, "phase", self.observation, "phase")
+        for name in ("phase", "phase_std", "remaining_time"):
+            connect(self.phase_estimator, name, self.observation, name)
+        if self.pace_monitor is not None:
+            connect(known, "human_action", self.pace_monitor, "human_action")
+            connect(known, "human_elapsed", self.pace_monitor, "human_elapsed")
+            connect(self.pace_monitor, "pace", self.observation, "pace")
         connect(self.robot_action, "motion_done", self.task_statechart, "done")
         connect(self.robot_action, "robot_busy", self.task_statechart, "rb")
         connect(known, "human_joint", self.task_statechart, "hj")

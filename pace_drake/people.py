@@ -6,6 +6,7 @@ from functools import cache
 from typing import cast
 
 import numpy as np
+from scipy.special import ndtri
 
 from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
 from pace_drake.demos.model import Split
@@ -15,8 +16,26 @@ from pace_drake.dtw.estimator_file import ActionEstimator, read_estimator_file
 from pace_drake.dtw.filter import Calibration, PhaseFilter
 from pace_drake.dtw.open_end import Distance, OpenEndSoftDTW
 from pace_drake.errors import InputError, require
+from pace_drake.observation import FUSED_SETS
 from pace_drake.scenario import SYNTHETIC, EstimatorConfig, HumanConfig, Scenario
 from pace_drake.task import Episode, sample_episode
+
+#: Unseen people: how many, and by how much the seed of their generation differs from that of the known ones.
+NUM_UNSEEN = 12
+_UNSEEN_SEED = 1 << 20
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody who plays episodes.
+
+    Attributes:
+        subject: whose demonstrations.
+        pace: standard normal score, above 0 is slower; see ``task.sample_episode``.
+    """
+
+    subject: str
+    pace: float
 
 
 @dataclass(frozen=True)
@@ -57,6 +76,7 @@ class People:
                 estimators.append(None)
                 continue
             config = scenario.estimator_of(action.name)
+            fused = config.fused or scenario.observation in FUSED_SETS
             alignment, calibration = _alignment(config, reference, period), None
             if action.name in tuned:
                 alignment, calibration = tuned[action.name].alignment(period), tuned[action.name].calibration
@@ -68,13 +88,13 @@ class People:
                 )
             if calibration is None:
                 require(
-                    not config.fused,
-                    f"estimator.{action.name}.fused",
+                    not fused,
+                    f"estimator.{action.name}.fused" if config.fused else f"observation: {scenario.observation}",
                     "needs an estimator_file (pace tune): recorded hands that are played calibrate nothing",
                 )
                 estimators.append(alignment)
             else:
-                estimators.append(PhaseFilter(alignment, calibration, fused=config.fused))
+                estimators.append(PhaseFilter(alignment, calibration, fused=fused))
         return estimators
 
     def end_detectors(self, scenario: Scenario, estimators: list[Estimator | None]) -> list[EndDetector | None]:
@@ -107,11 +127,46 @@ class People:
             detectors.append(EndDetector(estimator, goal))
         return detectors
 
-    def sample(self, scenario: Scenario, rng: np.random.Generator) -> Episode:
-        """Draws one episode; with recorded hands as recorded, their durations are the recordings'."""
-        episode = sample_episode(scenario.task, rng, [len(group) for group in self.demonstrations])
-        if self.rescale:
-            return episode
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """Whose demonstrations are played."""
+        return tuple(dict.fromkeys(d.subject for group in self.demonstrations for d in group))
+
+    def draw_person(self, rng: np.random.Generator) -> Person:
+        """Draws one of the subjects, with any pace: how people vary in training."""
+        return Person(self.subjects[int(rng.integers(len(self.subjects)))], float(rng.standard_normal()))
+
+    def draw_group(self, num: int, rng: np.random.Generator) -> list[Person]:
+        """Draws ``num`` people, among whom every subject and every pace has its share.
+
+        Subjects take turns. Paces are the quantiles of their distribution in random order, so that a small group has
+        slow and fast people as they exist.
+        """
+        paces = ndtri((rng.permutation(num) + 0.5) / num)
+        subjects = self.subjects
+        return [Person(subjects[k % len(subjects)], float(pace)) for k, pace in enumerate(paces)]
+
+    def sample(self, scenario: Scenario, rng: np.random.Generator, person: Person | None = None) -> Episode:
+        """Draws one episode; with recorded hands as recorded, their durations are the recordings'.
+
+        Args:
+            scenario: gives the task and ``human.pace_correlation``.
+            rng: the only source of randomness.
+            person: who plays it; None draws somebody. Where the correlation is 0 nobody in particular plays: every
+                action is drawn by itself.
+        """
+        counts = [len(group) for group in self.demonstrations]
+        correlation = scenario.human.pace_correlation if self.rescale else 0.0
+        if correlation == 0.0:
+            episode = sample_episode(scenario.task, rng, counts)
+            if self.rescale:
+                return episode
+        else:
+            person = person or self.draw_person(rng)
+            own = [[k for k, d in enumerate(g) if d.subject == person.subject] for g in self.demonstrations]
+            episode = sample_episode(scenario.task, rng, [len(g) for g in own], person.pace, correlation)
+            chosen = [g[k] if g else -1 for g, k in zip(own, episode.demonstration, strict=True)]
+            return replace(episode, demonstration=np.array(chosen))
         human = episode.human.copy()
         for k, group in enumerate(self.demonstrations):
             if group:
@@ -171,7 +226,13 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     training: list[list[Demonstration]] = []
-    chosen, known = synthetic.split(cast(Split, config.split)), synthetic.split("train")
+    known = synthetic.split("train")
+    if config.split == "unseen":
+        chosen = generate_demonstrations(seed=config.seed + _UNSEEN_SEED, num_subjects=NUM_UNSEEN)
+        who = f"{NUM_UNSEEN} unseen people"
+    else:
+        who = f"{config.split} trials"
+        chosen = synthetic.split(cast(Split, config.split))
     for name in names:
         if name is None:
             demonstrations.append([])
@@ -179,7 +240,7 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
             training.append([])
         elif name in synthetic.actions:
             demonstrations.append(list(chosen.of(name)))
-            references.append(chosen.reference(name))
+            references.append(synthetic.reference(name))
             training.append(list(known.of(name)))
         else:
             raise InputError(
@@ -191,7 +252,7 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
         references,
         training,
         True,
-        f"SYNTHETIC people (seed {config.seed}, {config.split} trials), not recordings",
+        f"SYNTHETIC people (seed {config.seed}, {who}), not recordings",
     )
 
 

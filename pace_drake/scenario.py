@@ -10,12 +10,13 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from pace_drake.errors import InputError, require
 from pace_drake.lcm.config import LcmConfig
+from pace_drake.observation import check_observation
 from pace_drake.resources import resource_path
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import Task
 
 SYNTHETIC = "synthetic"
-SPLITS = ("train", "validation", "all")
+SPLITS = ("train", "validation", "unseen", "all")
 MONITORS = ("told", "detector", "button")
 
 
@@ -42,7 +43,11 @@ class HumanConfig:
     seed: int = 0
     """Seed of the synthetic demonstrations."""
     split: str = "validation"
-    """Which synthetic trials are played: ``train``, ``validation`` (the last trial of each subject) or ``all``."""
+    """Which synthetic trials are played: of the people whom the estimators know, ``train``, ``validation`` (the last
+    trial of each) or ``all``; or those of twelve ``unseen`` people."""
+    pace_correlation: float = 0.0
+    """[-] in [0, 1) how far the durations of one person's actions go together: the share of their variance that is
+    between people. 0: each is drawn by itself, as in the paper. Above 0, an episode is also one person's throughout."""
     sample_period: float = 0.1
     """[s] of the hand tracker (the paper: 10 Hz)."""
     monitor: str = "told"
@@ -75,12 +80,16 @@ class Scenario:
     """[s] for which the prepared robot waits for the person; the paper: for ever."""
     max_decisions: int = 200
     """An episode with more decisions is truncated."""
+    observation: str = "paper"
+    """What policies see: ``none``, ``paper``, ``fused`` or ``history`` (pace_drake.observation)."""
     policy: str = "learned"
     """What answers the decisions; see ``pace run --help``."""
     elapsed_threshold: dict[str, float] = field(default_factory=dict)
     """[s] per human action, by name; an action without one is never interrupted for assistance."""
     phase_threshold: dict[str, float] = field(default_factory=dict)
     """[-] likewise."""
+    remaining_time_threshold: dict[str, float] = field(default_factory=dict)
+    """[s] likewise, of the time that the phase says remains."""
     learned_policy: str = ""
     """ONNX file: shipped with the project, or relative to the working directory."""
     workcell: Workcell = field(default_factory=Workcell)
@@ -90,7 +99,7 @@ class Scenario:
         """Raises InputError that names the field if the scenario cannot be used."""
         self.task.validate()
         names = [action.name for action in self.task.human_actions if not action.joint]
-        for group in ("estimator", "elapsed_threshold", "phase_threshold"):
+        for group in ("estimator", "elapsed_threshold", "phase_threshold", "remaining_time_threshold"):
             for name in getattr(self, group):
                 require(
                     name in names,
@@ -130,6 +139,12 @@ class Scenario:
             "human.workplace",
             f"must be x, y, z [m] in the world frame, or empty, is {workplace}",
         )
+        require(
+            0 <= self.human.pace_correlation < 1,
+            "human.pace_correlation",
+            f"must lie in [0, 1), is {self.human.pace_correlation}",
+        )
+        check_observation(self.observation)
         require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")
         require(self.max_decisions > 0, "max_decisions", f"must be > 0, is {self.max_decisions}")
         for name in ("decision_timeout", "wait_timeout"):

@@ -237,16 +237,25 @@ class Episode:
     homing: np.ndarray
 
 
-def sample_episode(task: Task, rng: np.random.Generator, num_demonstrations: list[int]) -> Episode:
+def sample_episode(
+    task: Task, rng: np.random.Generator, num_demonstrations: list[int], pace: float = 0.0, correlation: float = 0.0
+) -> Episode:
     """Draws one episode.
 
     Args:
         task: a validated task.
         rng: the only source of randomness; the order of draws is fixed, so the same state gives the same episode.
         num_demonstrations: (N,) how many demonstrations each human action has; 0 for joint actions.
+        pace: the person's, as a standard normal score; above 0 is slower.
+        correlation: in [0, 1), of the scores of one person's non-joint actions. Over people whose pace is standard
+            normal each duration keeps its own distribution (a Gaussian copula); 0 draws them independently.
     """
     n, m, joints = task.num_human_actions, task.num_robot_tasks, task.num_joint_actions
     u_human, u_prepare, u_home = rng.random(n), rng.random(joints), rng.random(joints)
+    if correlation > 0:
+        alone = [k for k, action in enumerate(task.human_actions) if not action.joint]
+        scores = np.sqrt(correlation) * pace + np.sqrt(1 - correlation) * ndtri(u_human[alone])
+        u_human[alone] = ndtr(scores)
     u_robot = rng.random((NUM_ROBOT_DRAWS, m))
     u_demonstration = rng.random(n)
     return Episode(

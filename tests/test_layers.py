@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pace_drake"
 #: Lower layers must not import higher ones.
 LAYERS = [
     ["errors", "files", "resources"],
-    ["dtw", "statechart", "task"],
+    ["dtw", "statechart", "task", "observation"],
     ["demos", "lcm"],
     ["stations"],
     ["scenario"],

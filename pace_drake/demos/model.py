@@ -104,6 +104,14 @@ class Demonstration:
         fraction = index - before
         return (1.0 - fraction) * p_before + fraction * p_after  # exact at both ends
 
+    def positions(self, times: NDArray, duration: float) -> NDArray:
+        """Returns the positions (m, 3) [m] at many times (m,) [s]; each as `position` gives it."""
+        last = self.num_samples - 1
+        index = np.clip(times / duration, 0.0, 1.0) * last
+        before = np.minimum(index.astype(int), last - 1)
+        fraction = (index - before)[:, np.newaxis]
+        return (1.0 - fraction) * self.p_WH[before] + fraction * self.p_WH[before + 1]
+
     def resample(self, sample_period: float) -> "Demonstration":
         """Returns the demonstration at another sample period, by linear interpolation.
 

@@ -207,6 +207,10 @@ class PhaseFilter(Estimator):
         estimate = Estimate(*(float(value) for value in summary))
         return estimate if self.fused else estimate._replace(phase=self.phase_at(state))
 
+    def fuse(self, z: NDArray, elapsed: NDArray) -> Estimate:
+        """Returns the fused estimates for phases of the alignment after elapsed times [s]; arrays of one shape."""
+        return _summary(self._posterior(z, elapsed))
+
     def _phase(self, query: NDArray) -> NDArray:
         z = self.estimator._phase(query)
         if not self.fused:

@@ -7,8 +7,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from pace_drake.envs.assembly_env import MAX_ELAPSED
-from pace_drake.envs.twin import FINISHED, AssemblyTwin, Pool, make_pool
+from pace_drake.envs.kernel import FINISHED
+from pace_drake.envs.pool import Pool, make_pool
+from pace_drake.envs.space import observation_space
+from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.people import load_people
 from pace_drake.scenario import Scenario, load_scenario
 
@@ -24,6 +26,7 @@ class PaceAssemblyVectorEnv(VectorEnv):
         num_envs: how many.
         pool: draws of the scenario; None draws ``pool_size`` of them with ``pool_seed``.
         pool_size, pool_seed: see ``make_pool``.
+        num_threads: see ``AssemblyTwin``.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - as Gymnasium declares it
@@ -35,20 +38,19 @@ class PaceAssemblyVectorEnv(VectorEnv):
         pool: Pool | None = None,
         pool_size: int = 256,
         pool_seed: int = 0,
+        num_threads: int = 1,
     ) -> None:
         loaded = load_scenario(scenario) if isinstance(scenario, str) else scenario
         if pool is None:
             pool = make_pool(loaded, load_people(loaded), pool_size, np.random.default_rng(pool_seed))
         self.scenario, self.num_envs = loaded, num_envs
-        self.twin = AssemblyTwin(loaded, pool, num_envs)
-        task = loaded.task
+        self.twin = AssemblyTwin(loaded, pool, num_envs, num_threads)
         self.single_action_space = gym.spaces.Discrete(2)
-        self.single_observation_space = gym.spaces.Box(
-            low=np.array([1, 1, 0, 0], dtype=np.float32),
-            high=np.array([task.num_robot_tasks, task.num_human_actions, MAX_ELAPSED, 1], dtype=np.float32),
-        )
+        self.single_observation_space = observation_space(loaded)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
+        space = self.single_observation_space
+        self._low, self._high = space.low, space.high
         self._cost = np.zeros(num_envs)
         self._steps = np.zeros(num_envs, dtype=int)
 
@@ -92,6 +94,4 @@ class PaceAssemblyVectorEnv(VectorEnv):
         self._steps[envs] = 0
 
     def _observation(self) -> np.ndarray:
-        observation = self.twin.observation.astype(np.float32)
-        np.minimum(observation[:, 2], MAX_ELAPSED, out=observation[:, 2])
-        return observation
+        return np.clip(self.twin.observe(), self._low, self._high)

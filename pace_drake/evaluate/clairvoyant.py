@@ -29,7 +29,7 @@ def clairvoyant_cost(scenario: Scenario, episode: Episode) -> float:
     )  # fmt: skip
 
 
-@njit
+@njit(cache=True)
 def _least(
     joint: int,
     time: float,

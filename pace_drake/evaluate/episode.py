@@ -75,18 +75,10 @@ def run_episode(
 
     recorder = EventRecorder(observe_and_write)
     simulation.listeners = (recorder,)
-    human = simulation.assembly.human
-    human_context = human.GetMyContextFromRoot(simulation.context)
 
     def observe() -> None:
         if sample_phase and not simulation.finished:
-            write(
-                simulation.time,
-                "phase",
-                human_action=int(simulation.output("human_action")[0]),
-                phase=simulation.output("phase")[0],
-                progress=human.progress(human_context),
-            )
+            write_phase(simulation, write)
         progress(simulation.time)
 
     start = perf_counter()
@@ -105,6 +97,18 @@ def run_episode(
         duration=simulation.time,
         real_time_factor=simulation.time / wall,
         phase_rmse=float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
+    )
+
+
+def write_phase(simulation: Simulation, write: Callable[..., None]) -> None:
+    """Writes a sample of the phase, for the timeline."""
+    human = simulation.assembly.human
+    write(
+        simulation.time,
+        "phase",
+        human_action=int(simulation.output("human_action")[0]),
+        phase=simulation.output("phase")[0],
+        progress=human.progress(human.GetMyContextFromRoot(simulation.context)),
     )
 
 

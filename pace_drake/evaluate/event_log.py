@@ -30,6 +30,13 @@ COLUMNS = (
 )
 
 
+def event_row(time: float, kind: str, **values: Any) -> dict[str, Any]:
+    """An event as it is written; see ``COLUMNS``."""
+    # repr of a float is exact: equal traces are equal files.
+    row = {key: repr(float(v)) if isinstance(v, float | np.floating) else v for key, v in values.items()}
+    return {"time": repr(float(time)), "kind": kind, **row}
+
+
 class EventLog:
     """Appends rows to a file, one write each, so that a killed process leaves every event so far.
 
@@ -49,9 +56,7 @@ class EventLog:
 
     def write(self, episode: int, time: float, kind: str, **values: Any) -> None:
         """Appends one row; see ``COLUMNS``."""
-        # repr of a float is exact: equal traces are equal files.
-        row = {key: repr(float(v)) if isinstance(v, float | np.floating) else v for key, v in values.items()}
-        self._writer.writerow({"episode": episode, "time": repr(float(time)), "kind": kind, **row})
+        self._writer.writerow({"episode": episode, **event_row(time, kind, **values)})
 
     def close(self) -> None:
         """Ends the log."""
@@ -111,7 +116,8 @@ class EventRecorder:
             self._watch_idle(time, kind, joint=0)
 
     def _observe(self, simulation: Simulation) -> dict[str, Any]:
-        robot_task, human_action, elapsed, phase = simulation.output("observation")
+        robot_task, human_action, elapsed = simulation.output("observation")[:3]
+        phase = simulation.output("phase")[0]
         assembly, context = simulation.assembly, simulation.context
         if assembly.decision is not None:
             port = assembly.decision.GetOutputPort("assist")

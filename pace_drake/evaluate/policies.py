@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import t
 
-from pace_drake.envs.twin import DECISION, FINISHED, AssemblyTwin, make_pool
+from pace_drake.envs.pool import make_pool
+from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.evaluate.clairvoyant import clairvoyant_cost
+from pace_drake.evaluate.play import play
 from pace_drake.people import People
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
@@ -67,34 +69,25 @@ def evaluate_policies(
     rng = np.random.default_rng(seed)
     pool = make_pool(scenario, people, POOL_SIZE, rng)
     parts = pool.sample(episodes, rng)
+    twin = AssemblyTwin(scenario, pool, episodes)
     results: list[PolicyResult] = []
     first: np.ndarray | None = None
     for name, policy in policies.items():
-        twin = AssemblyTwin(scenario, pool, episodes)
-        twin.start(np.arange(episodes), parts)
-        decisions = np.zeros(episodes, dtype=int)
-        while len(going := np.flatnonzero((twin.status == DECISION) & (decisions < scenario.max_decisions))):
-            # As in the diagram: policies see single precision.
-            observation = twin.observation[going].astype(np.float32).astype(float)
-            answers = np.array([policy.decide(row) for row in observation])
-            if (answers < 0).any():
-                raise RuntimeError(f"{name} gave no answer to {observation[answers < 0][0]}")
-            twin.step(answers, going)
-            decisions[going] += 1
-        cost = twin.cost
+        played = play(twin, parts, policy)
+        cost = played.cost
         first = cost if first is None else first
         results.append(
             PolicyResult(
                 name,
                 episodes,
-                tuple(twin.robot_idle.mean(axis=0).tolist()),
-                tuple(twin.human_idle.mean(axis=0).tolist()),
+                tuple(played.robot_idle.mean(axis=0).tolist()),
+                tuple(played.human_idle.mean(axis=0).tolist()),
                 float(cost.mean()),
                 _interval(cost),
                 float((first - cost).mean()),
                 _interval(first - cost),
-                float(decisions.mean()),
-                float((twin.status != FINISHED).mean()),
+                float(played.decisions.mean()),
+                float(1 - played.finished.mean()),
             )
         )
     return results, float(np.mean([clairvoyant_cost(scenario, pool.episode(row)) for row in parts]))

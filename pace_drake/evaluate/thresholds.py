@@ -1,29 +1,36 @@
-"""The best threshold rules of a scenario, by search over the diagram itself."""
+"""The best threshold rules of a scenario, by search over the compiled twin."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pace_drake.diagram import Assembly
-from pace_drake.people import load_people
-from pace_drake.policies.rules import Threshold, joint_actions
-from pace_drake.scenario import Scenario
-from pace_drake.simulation import Simulation
+from pace_drake.envs.twin import AssemblyTwin
+from pace_drake.evaluate.play import play
+from pace_drake.policies import Policy
+from pace_drake.policies.rules import RemainingTimeThreshold, Threshold, joint_actions
+from pace_drake.task import Task
 
-#: Candidates: elapsed time relative to the action's mean duration, and phase.
-ELAPSED_FRACTIONS = np.round(np.arange(0.05, 1.2501, 0.05), 3)
-PHASES = np.round(np.arange(0.15, 1.0001, 0.05), 3)
+Rule = Literal["elapsed_threshold", "phase_threshold", "remaining_time_threshold"]
 
 
-@dataclass
-class _AnyThreshold:
-    """A threshold policy whose thresholds change between episodes; for the search alone."""
+class _Kind(NamedTuple):
+    candidates: np.ndarray
+    relative: bool  # to the action's mean duration
+    make: Callable[[tuple[float, ...], frozenset[int]], Policy]
 
-    rule: Threshold
 
-    def decide(self, observation: np.ndarray) -> int:
-        return self.rule.decide(observation)
+_KINDS: dict[str, _Kind] = {
+    "elapsed_threshold": _Kind(
+        np.round(np.arange(0.02, 1.5001, 0.02), 3), True, lambda values, joint: Threshold(2, values, joint)
+    ),
+    "phase_threshold": _Kind(
+        np.round(np.arange(0.02, 1.0001, 0.02), 3), False, lambda values, joint: Threshold(3, values, joint)
+    ),
+    "remaining_time_threshold": _Kind(np.round(np.arange(0.0, 40.1, 0.5), 3), False, RemainingTimeThreshold),
+}
+RULES: tuple[Rule, ...] = ("elapsed_threshold", "phase_threshold", "remaining_time_threshold")
 
 
 @dataclass(frozen=True)
@@ -32,57 +39,59 @@ class ThresholdSearch:
 
     Attributes:
         thresholds: per non-joint human action, by name; [s] or [-].
+        policy: the rule with them.
         cost: [s] mean cost of the rule on the episodes it was found on.
         costs: (num candidates, L) [s] mean cost per joint action, for a look at how flat the optimum is.
     """
 
     thresholds: dict[str, float]
+    policy: Policy
     cost: float
     costs: np.ndarray
 
 
+def num_candidates(rule: Rule) -> int:
+    """How many values a search tries."""
+    return len(_KINDS[rule].candidates)
+
+
 def search_thresholds(
-    scenario: Scenario,
-    element: int,
-    num_episodes: int,
-    seed: int = 0,
+    twin: AssemblyTwin,
+    parts: np.ndarray,
+    rule: Rule,
     progress: Callable[[int], None] = lambda _done: None,
 ) -> ThresholdSearch:
     """Finds the best threshold for each non-joint action, on common random numbers.
 
     What happens before one joint action depends on the thresholds of its own segment alone (the person's clock starts
     anew after each joint action, and the robot then decides after homing), so all segments are searched at once.
+    Where a segment has several non-joint actions they share one candidate, relative to their means.
 
     Args:
-        scenario: its people's split is used as it is.
-        element: 2 for elapsed time, 3 for phase.
-        num_episodes: per candidate.
-        seed: of the episodes.
+        twin: with as many environments as episodes.
+        parts: (E, N + 3) episodes of its pool.
+        rule: which kind.
         progress: called with the number of candidates done.
     """
-    task = scenario.task
-    people = load_people(scenario)
-    if element == 2:  # the phase is not looked at: spare the estimator's time
-        people = replace(people, references=[None] * task.num_human_actions)
-    candidates = ELAPSED_FRACTIONS if element == 2 else PHASES
-    scale = np.array([a.duration.mean if element == 2 else 1.0 for a in task.human_actions])
+    task = twin.scenario.task
+    kind = _KINDS[rule]
     joint = joint_actions(task)
-    policy = _AnyThreshold(Threshold(element, (), joint))
-    simulation = Simulation(Assembly(scenario, policy, people=people))
-    costs = np.zeros((len(candidates), task.num_joint_actions))
-    for k, candidate in enumerate(candidates):
-        policy.rule = replace(policy.rule, thresholds=tuple(candidate * scale))
-        for episode in range(num_episodes):
-            simulation.reset(simulation.sample_episode(np.random.default_rng([seed, episode])))
-            simulation.run()
-            idle = simulation.output("robot_idle") + task.human_idle_weight * simulation.output("human_idle")
-            costs[k] += idle / num_episodes
+    scale = _scale(task, kind.relative)
+    costs = np.zeros((len(kind.candidates), task.num_joint_actions))
+    for k, candidate in enumerate(kind.candidates):
+        played = play(twin, parts, kind.make(tuple(candidate * scale), joint))
+        costs[k] = (played.robot_idle + task.human_idle_weight * played.human_idle).mean(axis=0)
         progress(k + 1)
-    best = candidates[np.argmin(costs, axis=0)]
-    thresholds, segment = {}, 0
-    for action, unit in zip(task.human_actions, scale, strict=True):
-        if action.joint:
-            segment += 1
-        else:
-            thresholds[action.name] = float(round(best[segment] * unit, 3))
-    return ThresholdSearch(thresholds, float(costs.min(axis=0).sum()), costs)
+    best = kind.candidates[np.argmin(costs, axis=0)]
+    values, segment = np.zeros(task.num_human_actions), 0
+    for k, action in enumerate(task.human_actions):
+        # After the last joint action, and in it, nothing is decided.
+        values[k] = best[min(segment, len(best) - 1)] * scale[k]
+        segment += action.joint
+    values = np.round(values, 3)
+    thresholds = {a.name: float(v) for a, v in zip(task.human_actions, values, strict=True) if not a.joint}
+    return ThresholdSearch(thresholds, kind.make(tuple(values.tolist()), joint), float(costs.min(axis=0).sum()), costs)
+
+
+def _scale(task: Task, relative: bool) -> np.ndarray:
+    return np.array([action.duration.mean if relative else 1.0 for action in task.human_actions])

@@ -1,9 +1,19 @@
 """Timeline of one episode: who did what when, who waited, the phase, and the decisions."""
 
 import csv
+from itertools import zip_longest
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pace_drake.task import ActionKind, Task
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Resolution of the pictures.
+DPI = 110
 
 _COLOURS = {
     "human": "#4c78a8",
@@ -25,19 +35,32 @@ def read_events(path: Path, episode: int = 0) -> list[dict[str, str]]:
 
 
 def draw_timeline(events: list[dict[str, str]], task: Task, title: str, path: Path) -> None:
-    """Draws a PNG (or what the suffix of ``path`` says).
+    """Draws a PNG (or what the suffix of ``path`` says); arguments as ``timeline_figure``."""
+    timeline_figure(events, task, title).savefig(path, dpi=DPI)
+
+
+def timeline_image(events: list[dict[str, str]], task: Task, title: str) -> np.ndarray:
+    """The picture as an array (height, width, 3) of uint8; arguments as ``timeline_figure``."""
+    figure = timeline_figure(events, task, title)
+    figure.set_dpi(DPI)
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy()  # type: ignore[attr-defined]
+
+
+def timeline_figure(events: list[dict[str, str]], task: Task, title: str) -> "Figure":
+    """Draws who did what when.
 
     Args:
         events: rows of one episode, as ``read_events`` gives them.
         task: gives the names.
         title: one line above.
-        path: written to.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    end = max(float(row["time"]) for row in events)
+    # Only just begun, there is little to see.
+    end = max([1.0, *(float(row["time"]) for row in events)])
     figure = Figure(figsize=(12, 5), layout="constrained")
     FigureCanvasAgg(figure)
     lanes, phases = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -48,7 +71,7 @@ def draw_timeline(events: list[dict[str, str]], task: Task, title: str, path: Pa
             lanes.text((start + stop) / 2, lane, label, ha="center", va="center", fontsize=7, color="black")
 
     humans = [row for row in events if row["kind"] == "human"]
-    for row, following in zip(humans, [*humans[1:], None], strict=True):
+    for row, following in zip_longest(humans, humans[1:]):
         stop = float(following["time"]) if following else end
         if row["name"].startswith("wait "):
             continue
@@ -142,4 +165,4 @@ def draw_timeline(events: list[dict[str, str]], task: Task, title: str, path: Pa
     phases.set_xlabel("time [s]")
     phases.set_xlim(0, end)
     phases.legend(fontsize=7, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
-    figure.savefig(path, dpi=110)
+    return figure

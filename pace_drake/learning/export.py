@@ -3,6 +3,7 @@
 import json
 import logging
 import warnings
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
     scores = _Scores(model).cpu().eval()
     rng = np.random.default_rng(0)
     low, high = model.observation_space.low, np.minimum(model.observation_space.high, 100.0)  # type: ignore[attr-defined]
-    sample = torch.tensor(rng.uniform(low, high, size=(64, 4)), dtype=torch.float32)
+    sample = torch.tensor(rng.uniform(low, high, size=(64, len(low))), dtype=torch.float32)
     # The exporter warns of torchvision, which nothing here needs, and of its own deprecated calls.
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
@@ -90,4 +91,10 @@ def write_card(path: Path, scenario: Scenario, card: dict) -> None:
 
 
 def _metadata(scenario: Scenario) -> dict[str, str]:
-    return {"format": FORMAT, "task": task_signature(scenario.task), "scenario": scenario.name}
+    return {
+        "format": FORMAT,
+        "task": task_signature(scenario.task),
+        "scenario": scenario.name,
+        "scenario_hash": sha256(scenario.to_yaml().encode()).hexdigest(),
+        "observation": scenario.observation,
+    }

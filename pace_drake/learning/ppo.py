@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from pace_drake.envs.assembly_env import PaceAssemblyEnv
-from pace_drake.envs.twin import make_pool
+from pace_drake.envs.pool import make_pool
 from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
 from pace_drake.learning.features import AssemblyFeatures
 from pace_drake.learning.vec_env import TwinVecEnv

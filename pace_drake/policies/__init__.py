@@ -1,15 +1,26 @@
 """Policies: whether to go and assist, given the observation. No Drake import."""
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 import numpy as np
 
 
-class Policy(Protocol):
-    """A policy is a pure function of the observation (4,): robot_task, human_action, human_elapsed [s], phase."""
+class Policy(ABC):
+    """A pure function of the observation.
+
+    Attributes:
+        observation: the name of the set that it sees (``pace_drake.observation.OBSERVATION_SETS``).
+    """
+
+    observation: str = "paper"
+
+    @abstractmethod
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
+        """Decides for many observations (n, D): (n,) 1 to assist, 0 to go on, -1 if there is no answer."""
 
     def decide(self, observation: np.ndarray) -> int:
-        """Returns 1 to assist, 0 to go on with the robot's own tasks, -1 if there is no answer."""
+        """Decides for one observation (D,)."""
+        return int(self.decide_all(np.asarray(observation)[np.newaxis])[0])
 
 
 __all__ = ["Policy"]

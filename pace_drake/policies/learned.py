@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from pace_drake.errors import InputError
-from pace_drake.policies.rules import joint_actions
+from pace_drake.observation import OBSERVATION_SETS
+from pace_drake.policies import Policy
+from pace_drake.policies.rules import joint_actions, person_waits
 from pace_drake.task import Task
 
 #: Version of what the metadata of a policy file means.
@@ -23,7 +25,7 @@ def task_signature(task: Task) -> str:
     )
 
 
-class LearnedPolicy:
+class LearnedPolicy(Policy):
     """Chooses the action with the larger score.
 
     Two rules stand around the network: a person who waits is always helped (an untrained corner of the observation
@@ -31,15 +33,17 @@ class LearnedPolicy:
     decision times out as the chart says.
 
     Args:
-        path: ONNX file: input ``observation`` (batch, 4), output ``scores`` (batch, 2), normalisation inside, and
-            metadata ``format``, ``task`` (see ``task_signature``).
+        path: ONNX file: input ``observation`` (batch, D), output ``scores`` (batch, 2), normalisation inside, and
+            metadata ``format``, ``task`` (see ``task_signature``) and ``observation``, the set that it sees.
         task: the task it is used in.
+        observation: the set that it must see; None takes any.
 
     Raises:
-        InputError: the file cannot be read, is no policy of this format, or was trained for another task.
+        InputError: the file cannot be read, is no policy of this format, or was trained for another task or another
+            observation set.
     """
 
-    def __init__(self, path: str | Path, task: Task) -> None:
+    def __init__(self, path: str | Path, task: Task, observation: str | None = None) -> None:
         import onnxruntime  # 0.1 s and 30 MB, only for those who run a learned policy
 
         path = Path(path)
@@ -62,14 +66,23 @@ class LearnedPolicy:
             raise InputError(
                 f"{path}: trained for another task ({metadata.get('scenario', 'unknown')}); train one for this scenario"
             )
+        self.observation = metadata.get("observation", "paper")  # which the first files saw, and did not say
+        if self.observation not in OBSERVATION_SETS:
+            raise InputError(f"{path}: sees {self.observation!r}, which this version does not know; train it anew")
+        if observation not in (None, self.observation):
+            raise InputError(
+                f"{path}: sees the observation set {self.observation!r}, the scenario's is {observation!r}; set"
+                f" observation={self.observation}, or train one for this scenario"
+            )
+        shape = self._session.get_inputs()[0].shape
+        if len(shape) != 2 or shape[1] != OBSERVATION_SETS[self.observation]:
+            raise InputError(f"{path}: its network does not take what {self.observation!r} gives; train it anew")
         self._joint = joint_actions(task)
 
-    def decide(self, observation: np.ndarray) -> int:
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
         """See Policy."""
-        if not np.all(np.isfinite(observation)):
-            return -1
-        if int(observation[1]) in self._joint:
-            return 1
-        row = np.asarray(observation, dtype=np.float32)[np.newaxis]
-        (scores,) = self._session.run(["scores"], {"observation": row})
-        return int(scores[0, 1] > scores[0, 0])
+        usable = np.isfinite(observations).all(axis=1)
+        seen = np.where(usable[:, np.newaxis], observations, 1.0).astype(np.float32)
+        (scores,) = self._session.run(["scores"], {"observation": seen})
+        assist = (scores[:, 1] > scores[:, 0]) | person_waits(seen, self._joint)
+        return np.where(usable & np.isfinite(scores).all(axis=1), assist, -1).astype(int)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pace_drake.policies import Policy
 from pace_drake.task import Task
 
 
@@ -12,41 +13,51 @@ def joint_actions(task: Task) -> frozenset[int]:
     return frozenset(task.human_index_of_joint)
 
 
+def person_waits(observations: np.ndarray, joint: frozenset[int]) -> np.ndarray:
+    """(n,) whether the person waits for a joint action."""
+    return np.isin(observations[:, 1], list(joint))
+
+
 @dataclass(frozen=True)
-class ExplicitQuery:
+class ExplicitQuery(Policy):
     """Assists when asked: the person presses the button once they wait (paper, Sec. V-D)."""
 
     joint: frozenset[int]
+    observation = "none"
 
-    def decide(self, observation: np.ndarray) -> int:
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
         """See Policy."""
-        return int(int(observation[1]) in self.joint)
+        return person_waits(observations, self.joint).astype(int)
 
 
 @dataclass(frozen=True)
-class AlwaysAssist:
+class AlwaysAssist(Policy):
     """Assists at every decision; the robot does nearly all the waiting."""
 
-    def decide(self, observation: np.ndarray) -> int:
+    observation = "none"
+
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
         """See Policy."""
-        return 1
+        return np.ones(len(observations), dtype=int)
 
 
 @dataclass(frozen=True)
-class NeverAssist:
+class NeverAssist(Policy):
     """Never assists: the episode does not end by itself, so it is truncated."""
 
-    def decide(self, observation: np.ndarray) -> int:
+    observation = "none"
+
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
         """See Policy."""
-        return 0
+        return np.zeros(len(observations), dtype=int)
 
 
 @dataclass(frozen=True)
-class Threshold:
-    """Assists from a threshold of one element of the observation on, and whenever the person waits.
+class Threshold(Policy):
+    """Assists from a threshold of elapsed time or phase on, and whenever the person waits.
 
     Attributes:
-        element: index into the observation: 2 for elapsed time [s], 3 for phase.
+        element: 2 for elapsed time [s], 3 for phase.
         thresholds: (N,) per human action; inf never assists during that action.
         joint: see ``joint_actions``.
     """
@@ -55,10 +66,48 @@ class Threshold:
     thresholds: tuple[float, ...]
     joint: frozenset[int]
 
-    def decide(self, observation: np.ndarray) -> int:
+    @property
+    def observation(self) -> str:  # type: ignore[override]
         """See Policy."""
-        value = observation[self.element]
-        if np.isnan(value):
-            return -1
-        action = int(observation[1])
-        return int(action in self.joint or value >= self.thresholds[action - 1])
+        return "none" if self.element == 2 else "paper"
+
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
+        """See Policy."""
+        return _reached(observations, observations[:, self.element], self.thresholds, self.joint)
+
+
+@dataclass(frozen=True)
+class RemainingTimeThreshold(Policy):
+    """Assists once the action's remaining time, by its phase, is no more than a threshold.
+
+    What remains after e seconds at phase tau, if the person goes on at the same speed, is e (1 - tau) / tau.
+
+    Attributes:
+        thresholds: (N,) [s] per human action; -inf never assists during that action.
+        joint: see ``joint_actions``.
+    """
+
+    thresholds: tuple[float, ...]
+    joint: frozenset[int]
+
+    def decide_all(self, observations: np.ndarray) -> np.ndarray:
+        """See Policy."""
+        below = tuple(-limit for limit in self.thresholds)
+        return _reached(observations, -extrapolated_time(observations), below, self.joint)
+
+
+def extrapolated_time(observations: np.ndarray) -> np.ndarray:
+    """(n,) [s] remaining time e (1 - tau) / tau; inf at phase 0, NaN where e or tau is."""
+    elapsed, phase = observations[:, 2], observations[:, 3]
+    begun = np.where(phase == 0, 1.0, phase)
+    left = np.where(phase == 0, np.inf, elapsed * (1 - phase) / begun)
+    return left
+
+
+def _reached(
+    observations: np.ndarray, values: np.ndarray, thresholds: tuple[float, ...], joint: frozenset[int]
+) -> np.ndarray:
+    usable = np.isfinite(observations[:, 1]) & ~np.isnan(values)
+    action = np.where(usable, observations[:, 1], 1).astype(int)
+    assist = (values >= np.array(thresholds)[action - 1]) | np.isin(action, list(joint))
+    return np.where(usable, assist, -1).astype(int)

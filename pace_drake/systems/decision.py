@@ -2,8 +2,8 @@
 
 from pydrake.systems.framework import Context, LeafSystem
 
+from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.policies import Policy
-from pace_drake.systems.observation import OBSERVATION
 from pace_drake.systems.ports import declare_input, declare_output
 
 
@@ -11,7 +11,7 @@ class Decision(LeafSystem):
     """Answers the statechart's question, to assist or not, by a policy.
 
     Inputs:
-        observation (4): see ``Observation``.
+        observation (D): of the policy's observation set, see ``Observation``.
 
     Outputs:
         assist (1) in {-1, 0, 1}; -1 if the policy has no answer.
@@ -24,7 +24,7 @@ class Decision(LeafSystem):
         super().__init__()
         self.set_name("decision")
         self._policy = policy
-        self._observation = declare_input(self, "observation", len(OBSERVATION))
+        self._observation = declare_input(self, "observation", OBSERVATION_SETS[policy.observation])
         declare_output(self, "assist", self._assist, {self.all_input_ports_ticket()})
 
     def _assist(self, context: Context) -> float:

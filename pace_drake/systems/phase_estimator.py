@@ -8,8 +8,8 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from pace_drake.dtw.estimator import Estimate, Estimator
 from pace_drake.systems.ports import declare_input, declare_output
 
-#: In actions without an estimator, that is joint actions and waiting for them: done, and nothing is known of an end.
-_DONE = Estimate(1.0)
+#: In actions without an estimator, that is joint actions and waiting for them: nothing is left of the person's own.
+_DONE = Estimate(1.0, phase_std=0.0, remaining_time=0.0, remaining_time_std=0.0)
 
 
 class PhaseEstimator(LeafSystem):
@@ -22,8 +22,9 @@ class PhaseEstimator(LeafSystem):
     Outputs:
         phase (1) in [0, 1]: estimated progress tau of action j; 1 in actions without an estimator (joint actions and
             waiting for them, see docs/departures.md); 0 before the action's first sample.
-        phase_rate (1) [1/s]: speed of the phase; NaN where the estimator gives none.
-        remaining_time (2) [s]: mean and standard deviation of the time to the action's end; NaN likewise.
+        phase_std (1): standard deviation of the phase; NaN where the estimator gives none, 0 in joint actions.
+        phase_rate (1) [1/s]: speed of the phase; NaN where the estimator gives none, and in joint actions.
+        remaining_time (2) [s]: mean and standard deviation of the time to the action's end; as phase_std.
 
     State:
         [action of the estimator's state, that state]; cleared when the action changes.
@@ -47,6 +48,7 @@ class PhaseEstimator(LeafSystem):
         self._human_action = declare_input(self, "human_action")
         depends_on = {self.xd_ticket(), self.input_port_ticket(self._human_action.get_index())}
         declare_output(self, "phase", self._phase, depends_on)
+        declare_output(self, "phase_std", lambda context: self._estimate(context).phase_std, depends_on)
         declare_output(self, "phase_rate", lambda context: self._estimate(context).rate, depends_on)
         declare_output(self, "remaining_time", self._remaining_time, depends_on, size=2)
         self.DeclarePeriodicDiscreteUpdateEvent(sample_period, 0.0, self._update)

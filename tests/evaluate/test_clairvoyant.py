@@ -6,7 +6,9 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from pace_drake.envs.twin import DECISION, AssemblyTwin, make_pool
+from pace_drake.envs.kernel import DECISION
+from pace_drake.envs.pool import make_pool
+from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.evaluate.clairvoyant import clairvoyant_cost
 from pace_drake.people import load_people
 

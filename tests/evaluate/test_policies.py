@@ -7,7 +7,7 @@ import pytest
 
 from pace_drake.cli.main import main
 from pace_drake.diagram import Assembly
-from pace_drake.envs.twin import make_pool
+from pace_drake.envs.pool import make_pool
 from pace_drake.evaluate.episode import run_episode
 from pace_drake.evaluate.policies import POOL_SIZE, evaluate_policies
 from pace_drake.people import load_people

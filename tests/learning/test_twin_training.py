@@ -7,7 +7,9 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="extra 'train' is not installed")
 
-from pace_drake.envs.twin import DECISION, AssemblyTwin, make_pool
+from pace_drake.envs.kernel import DECISION
+from pace_drake.envs.pool import make_pool
+from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
 from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo
 from pace_drake.learning.vec_env import TwinVecEnv
@@ -49,7 +51,7 @@ def cost(scenario, pool, decide):
         going = np.flatnonzero(twin.status == DECISION)
         if not len(going):
             return twin.cost.mean()
-        observation = twin.observation[going].astype(np.float32)
+        observation = twin.observe(envs=going)
         waits = np.isin(observation[:, 1], scenario.task.human_index_of_joint)
         twin.step(np.where(waits, 1, decide(observation)), going)
     raise AssertionError("episodes do not end")

@@ -1,0 +1,178 @@
+"""Pool: drawn durations, with what the estimators say of them, of which episodes of the twin are put together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pace_drake.dtw.filter import PhaseFilter
+from pace_drake.people import People, Person
+from pace_drake.scenario import Scenario
+from pace_drake.task import Episode
+
+#: What the estimators say at a sample (``Phases``), and what they say of joint actions: done (systems.PhaseEstimator).
+NUM_ESTIMATES = 4
+_JOINT = (1.0, 1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Phases:
+    """What the estimators say of several actions, end to end.
+
+    Attributes:
+        values: (total, 4) after the first sample, the second, ... of each action: the estimator's phase; the phase
+            filter's mean and standard deviation of the phase, and its mean remaining time [s], NaN without a filter.
+        start, length: where those of an action are.
+        before: (N, 4) before the first sample of an action.
+    """
+
+    values: np.ndarray
+    start: np.ndarray
+    length: np.ndarray
+    before: np.ndarray
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Drawn durations of which episodes are put together.
+
+    Each human action, the robot's tasks, the preparations and the homings of an episode are those of any of K drawn
+    episodes, so that K of them make K to the power of N + 3. Where the draws are of several people, the human actions
+    of an episode are all one person's.
+
+    Attributes:
+        num_people: the first K / num_people draws of human actions are the first person's, and so on.
+        human: (N, K) [s]; demonstration: (N, K), -1 for joint actions; phases: of each action and draw.
+        robot: (K, NUM_ROBOT_DRAWS, M), preparation: (K, L), homing: (K, L) [s].
+    """
+
+    num_people: int
+    human: np.ndarray
+    demonstration: np.ndarray
+    phases: Phases
+    robot: np.ndarray
+    preparation: np.ndarray
+    homing: np.ndarray
+
+    @property
+    def num_parts(self) -> int:
+        """N + 3: how many draws make an episode."""
+        return len(self.human) + 3
+
+    def sample(self, count: int, rng: np.random.Generator, person: np.ndarray | None = None) -> np.ndarray:
+        """Draws episodes: (count, N + 3) indices of draws.
+
+        Args:
+            count: how many.
+            rng: the only source of randomness.
+            person: (count,) who plays each of them, from 0; None draws that too.
+        """
+        n, size = self.human.shape
+        parts = rng.integers(size, size=(count, self.num_parts))
+        if self.num_people > 1:
+            each = size // self.num_people
+            who = rng.integers(self.num_people, size=count) if person is None else np.asarray(person)
+            parts[:, :n] = who[:, np.newaxis] * each + parts[:, :n] % each
+        return parts
+
+    def person(self, parts: np.ndarray) -> np.ndarray:
+        """(count,) who plays the episodes of ``sample``, from 0."""
+        return parts[:, 0] // (self.human.shape[1] // self.num_people)
+
+    def episode(self, parts: np.ndarray) -> Episode:
+        """The episode of one row of ``sample``, as the diagram takes it."""
+        n = len(self.human)
+        rows = np.arange(n)
+        return Episode(
+            human=self.human[rows, parts[:n]],
+            demonstration=self.demonstration[rows, parts[:n]],
+            robot=self.robot[parts[n]],
+            preparation=self.preparation[parts[n + 1]],
+            homing=self.homing[parts[n + 2]],
+        )
+
+
+#: Draws of each person in a pool, where people differ.
+_DRAWS_EACH = 8
+
+
+def make_pool(
+    scenario: Scenario,
+    people: People,
+    size: int,
+    rng: np.random.Generator,
+    participants: Sequence[Person] | None = None,
+) -> Pool:
+    """Draws a pool of ``size`` and computes the phases of its (demonstration, duration) pairs.
+
+    Args:
+        scenario: a validated scenario.
+        people: of the scenario.
+        size: K; rounded up to a whole number of draws for each person.
+        rng: the only source of randomness.
+        participants: who plays; None draws new people, unless nothing distinguishes them (``pace_correlation`` 0).
+    """
+    distinct = people.rescale and scenario.human.pace_correlation > 0
+    if not distinct:
+        drawn = [people.sample(scenario, rng) for _ in range(size)]
+        num_people = 1
+    else:
+        chosen = participants or people.draw_group(-(-size // _DRAWS_EACH), rng)
+        each, num_people = -(-size // len(chosen)), len(chosen)
+        drawn = [people.sample(scenario, rng, person) for person in chosen for _ in range(each)]
+    human = np.array([episode.human for episode in drawn]).T.copy()
+    demonstration = np.array([episode.demonstration for episode in drawn]).T.copy()
+    return Pool(
+        num_people,
+        human,
+        demonstration,
+        exact_phases(scenario, people, human, demonstration),
+        np.array([episode.robot for episode in drawn]),
+        np.array([episode.preparation for episode in drawn]),
+        np.array([episode.homing for episode in drawn]),
+    )
+
+
+def exact_phases(scenario: Scenario, people: People, duration: np.ndarray, demonstration: np.ndarray) -> Phases:
+    """What the scenario's own estimators say of (demonstration, duration) pairs, sample by sample.
+
+    Args:
+        scenario: gives the tracker's period and the estimators.
+        people: whose hands.
+        duration: (N, K) [s].
+        demonstration: (N, K).
+    """
+    period = scenario.human.sample_period
+    found: list[np.ndarray] = []
+    before = np.zeros((len(duration), NUM_ESTIMATES))
+    for j, estimator in enumerate(people.estimators(scenario)):
+        if estimator is None:
+            found += [np.array([_JOINT])] * duration.shape[1]
+            before[j] = _JOINT
+            continue
+        hands = []
+        for seconds, index in zip(duration[j], demonstration[j], strict=True):
+            # One sample more than ticks can fall into the action, whatever its start.
+            times = np.arange(int(seconds / period) + 2) * period
+            hands.append(people.demonstrations[j][int(index)].positions(times, float(seconds)))
+        first = estimator.phase_at(estimator.initial_state())
+        if isinstance(estimator, PhaseFilter):
+            # Once for both: the filter's phase is its mean, or that of the alignment beneath.
+            alignments = estimator.estimator.phases(hands, num_threads=2)
+            elapsed = np.concatenate([np.arange(len(z)) * period for z in alignments])
+            fused = estimator.fuse(np.concatenate(alignments), elapsed)
+            z = fused.phase if estimator.fused else np.concatenate(alignments)
+            values = np.column_stack([z, fused.phase, fused.phase_std, fused.remaining_time])
+            found += np.split(values, np.cumsum([len(one) for one in alignments])[:-1])
+            start = PhaseFilter(estimator.estimator, estimator.calibration).estimate_at(estimator.initial_state())
+            before[j] = first, start.phase, start.phase_std, start.remaining_time
+        else:
+            nothing = np.full(3, np.nan)
+            found += [
+                np.column_stack([z, np.tile(nothing, (len(z), 1))]) for z in estimator.phases(hands, num_threads=2)
+            ]
+            before[j] = first, *nothing
+    length = np.array([len(phases) for phases in found])
+    shape = duration.shape
+    start_index = np.concatenate([[0], np.cumsum(length)[:-1]])
+    return Phases(np.concatenate(found), start_index.reshape(shape), length.reshape(shape), before)
