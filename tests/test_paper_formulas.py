@@ -10,7 +10,8 @@ from scipy.stats import truncnorm
 
 from pace_drake.diagram import Assembly
 from pace_drake.dtw import OpenEndSoftDTW
-from pace_drake.envs.twin import FINISHED, Pool, exact_phases, make_pool
+from pace_drake.envs.kernel import FINISHED
+from pace_drake.envs.pool import Pool, exact_phases, make_pool
 from pace_drake.people import People
 from pace_drake.scenario import Scenario
 from pace_drake.simulation import Simulation, Stop
@@ -101,6 +102,7 @@ def play(scenario, episode, decisions, people=None):
     decisions = np.concatenate([decisions, np.ones(scenario.task.num_joint_actions + 1, dtype=int)])
     human, demonstration = episode.human[:, np.newaxis], episode.demonstration[:, np.newaxis]
     pool = Pool(
+        1,
         human,
         demonstration,
         exact_phases(scenario, people, human, demonstration),
