@@ -10,6 +10,7 @@ from scipy.special import ndtri
 
 from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
 from pace_drake.demos.model import Split
+from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.end import EndDetector
 from pace_drake.dtw.estimator import Estimator
 from pace_drake.dtw.estimator_file import ActionEstimator, read_estimator_file
@@ -18,11 +19,17 @@ from pace_drake.dtw.open_end import Distance, OpenEndSoftDTW
 from pace_drake.errors import InputError, require
 from pace_drake.observation import FUSED_SETS
 from pace_drake.scenario import SYNTHETIC, EstimatorConfig, HumanConfig, Scenario
-from pace_drake.task import Episode, sample_episode
+from pace_drake.task import Episode, HumanAction, sample_episode
 
 #: Unseen people: how many, and by how much the seed of their generation differs from that of the known ones.
 NUM_UNSEEN = 12
 _UNSEEN_SEED = 1 << 20
+
+
+#: Quantiles of the drawn durations to which training trials are stretched for the filter's calibration.
+_CALIBRATED_AT = np.array([0.1, 0.5, 0.9])
+#: [m/s] of the alignments by derivatives that ``average`` adds.
+_DERIVATIVE_GAMMA = 0.02
 
 
 @dataclass(frozen=True)
@@ -77,15 +84,14 @@ class People:
                 continue
             config = scenario.estimator_of(action.name)
             fused = config.fused or scenario.observation in FUSED_SETS
-            alignment, calibration = _alignment(config, reference, period), None
+            alignment: Estimator = _alignment(config, reference, period)
+            calibration: Calibration | None = None
             if action.name in tuned:
                 alignment, calibration = tuned[action.name].alignment(period), tuned[action.name].calibration
             elif len(training) > 1:
-                phases = alignment.phases([d.resample(period).p_WH for d in training])
-                num_people = len({d.subject for d in (reference, *training)})
-                calibration = Calibration.fit(
-                    phases, reference.duration, period, num_people if num_people > 1 else None
-                )
+                if fused and config.average:
+                    alignment = _averaged(config, alignment, reference, training, period)
+                calibration = self._calibration(action, alignment, reference, training, period)
             if calibration is None:
                 require(
                     not fused,
@@ -96,6 +102,24 @@ class People:
             else:
                 estimators.append(PhaseFilter(alignment, calibration, fused=fused))
         return estimators
+
+    def _calibration(
+        self,
+        action: HumanAction,
+        alignment: Estimator,
+        reference: Demonstration,
+        training: list[Demonstration],
+        period: float,
+    ) -> Calibration:
+        """What the filter learns from the training trials; where durations are drawn, stretched to some of them."""
+        num_people = len({d.subject for d in (reference, *training)})
+        if self.rescale:
+            durations = action.duration.quantile(_CALIBRATED_AT)
+            hands = [d.positions(_ticks(t, period), t) for d in training for t in durations.tolist()]
+        else:
+            hands = [d.resample(period).p_WH for d in training]
+        phases = alignment.phases(hands, num_threads=2)
+        return Calibration.fit(phases, reference.duration, period, num_people if num_people > 1 else None)
 
     def end_detectors(self, scenario: Scenario, estimators: list[Estimator | None]) -> list[EndDetector | None]:
         """The end detector of each human action; None for joint actions, and everywhere if only the button counts.
@@ -264,6 +288,30 @@ def _alignment(config: EstimatorConfig, reference: Demonstration, period: float)
         config.window,
         sample_period=period,
     )
+
+
+def _averaged(
+    config: EstimatorConfig,
+    alignment: Estimator,
+    reference: Demonstration,
+    training: list[Demonstration],
+    period: float,
+) -> AveragedPhase:
+    firsts = {d.subject: d for d in reversed(training)}
+    derivative = replace(config, distance="derivative", gamma=_DERIVATIVE_GAMMA)
+    references = [reference, *(firsts[subject] for subject in sorted(firsts))]
+    return AveragedPhase(
+        [
+            alignment,
+            *(_alignment(config, one, period) for one in references[1:]),
+            *(_alignment(derivative, one, period) for one in references),
+        ]
+    )
+
+
+def _ticks(seconds: float, period: float) -> np.ndarray:
+    """Times of the tracker's samples within a duration."""
+    return np.arange(int(seconds / period) + 1) * period
 
 
 def _estimator_file(scenario: Scenario) -> Mapping[str, ActionEstimator]:

@@ -76,16 +76,35 @@ class Duration:
         u = np.asarray(probability, dtype=float)
         if self.cv == 0:
             return np.full(u.shape, self.mean)
+        lower = ndtr(self._score(self.minimum))
+        score = ndtri(lower + u * (1 - lower))
         if self.distribution == "log_normal":
-            sigma = np.sqrt(np.log1p(self.cv**2))
-            mu = log(self.mean) - 0.5 * sigma**2
-            lower = ndtr((log(self.minimum) - mu) / sigma) if self.minimum > 0 else 0.0
-            value = np.exp(mu + sigma * ndtri(lower + u * (1 - lower)))
+            mu, sigma = self._log_moments()
+            value = np.exp(mu + sigma * score)
         else:
-            std = self.cv * self.mean
-            lower = ndtr((self.minimum - self.mean) / std)
-            value = self.mean + std * ndtri(lower + u * (1 - lower))
+            value = self.mean + self.cv * self.mean * score
         return np.maximum(value, self.minimum)
+
+    def cdf(self, seconds: np.ndarray | float) -> np.ndarray:
+        """Cumulative distribution: the inverse of ``quantile``."""
+        x = np.asarray(seconds, dtype=float)
+        if self.cv == 0:
+            return (x >= self.mean).astype(float)
+        lower = ndtr(self._score(self.minimum))
+        return np.where(x < self.minimum, 0.0, (ndtr(self._score(x)) - lower) / (1 - lower))
+
+    def _score(self, seconds: np.ndarray | float) -> np.ndarray:
+        """Standard normal score of a duration, before truncation."""
+        x = np.asarray(seconds, dtype=float)
+        if self.distribution == "log_normal":
+            mu, sigma = self._log_moments()
+            with np.errstate(divide="ignore"):
+                return (np.log(np.maximum(x, 0.0)) - mu) / sigma
+        return (x - self.mean) / (self.cv * self.mean)
+
+    def _log_moments(self) -> tuple[float, float]:
+        sigma = float(np.sqrt(np.log1p(self.cv**2)))
+        return log(self.mean) - 0.5 * sigma**2, sigma
 
 
 @dataclass(kw_only=True)

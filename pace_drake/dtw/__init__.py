@@ -1,5 +1,6 @@
 """How far an action has come, from a hand's motion: open-end soft-DTW and what builds on it. Without Drake."""
 
+from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.baselines import ConstantPhase, TimeOnly
 from pace_drake.dtw.end import EndDetector
 from pace_drake.dtw.estimator import Estimate, Estimator
@@ -16,6 +17,7 @@ __all__ = [
     "NORMALIZATIONS",
     "STEPS",
     "ActionRecognizer",
+    "AveragedPhase",
     "Calibration",
     "ConstantPhase",
     "Distance",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.filter import PhaseFilter
 from pace_drake.people import People, Person
 from pace_drake.scenario import Scenario
@@ -155,23 +156,30 @@ def exact_phases(scenario: Scenario, people: People, duration: np.ndarray, demon
             # One sample more than ticks can fall into the action, whatever its start.
             times = np.arange(int(seconds / period) + 2) * period
             hands.append(people.demonstrations[j][int(index)].positions(times, float(seconds)))
-        first = estimator.phase_at(estimator.initial_state())
         if isinstance(estimator, PhaseFilter):
-            # Once for both: the filter's phase is its mean, or that of the alignment beneath.
-            alignments = estimator.estimator.phases(hands, num_threads=2)
-            elapsed = np.concatenate([np.arange(len(z)) * period for z in alignments])
-            fused = estimator.fuse(np.concatenate(alignments), elapsed)
-            z = fused.phase if estimator.fused else np.concatenate(alignments)
+            # Once for both: the filter's phase is its mean, the other that of the alignment with the reference.
+            several = estimator.estimator
+            if isinstance(several, AveragedPhase):
+                each = [one.phases(hands, num_threads=2) for one in several.estimators]
+                reference = each[0]
+                aligned = [np.asarray(several.mean(phases)) for phases in zip(*each, strict=True)]
+            else:
+                reference = aligned = several.phases(hands, num_threads=2)
+            elapsed = np.concatenate([np.arange(len(z)) * period for z in aligned])
+            fused = estimator.fuse(np.concatenate(aligned), elapsed)
+            name = scenario.task.human_actions[j].name
+            z = fused.phase if scenario.estimator_of(name).fused else np.concatenate(reference)
             values = np.column_stack([z, fused.phase, fused.phase_std, fused.remaining_time])
-            found += np.split(values, np.cumsum([len(one) for one in alignments])[:-1])
-            start = PhaseFilter(estimator.estimator, estimator.calibration).estimate_at(estimator.initial_state())
+            found += np.split(values, np.cumsum([len(one) for one in aligned])[:-1])
+            start = PhaseFilter(several, estimator.calibration).estimate_at(estimator.initial_state())
+            first = start.phase if scenario.estimator_of(name).fused else several.phase_at(several.initial_state())
             before[j] = first, start.phase, start.phase_std, start.remaining_time
         else:
             nothing = np.full(3, np.nan)
             found += [
                 np.column_stack([z, np.tile(nothing, (len(z), 1))]) for z in estimator.phases(hands, num_threads=2)
             ]
-            before[j] = first, *nothing
+            before[j] = estimator.phase_at(estimator.initial_state()), *nothing
     length = np.array([len(phases) for phases in found])
     shape = duration.shape
     start_index = np.concatenate([[0], np.cumsum(length)[:-1]])

@@ -12,7 +12,7 @@ class Policy(ABC):
         observation: the name of the set that it sees (``pace_drake.observation.OBSERVATION_SETS``).
     """
 
-    observation: str = "paper"
+    observation: str
 
     @abstractmethod
     def decide_all(self, observations: np.ndarray) -> np.ndarray:

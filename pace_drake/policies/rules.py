@@ -89,6 +89,7 @@ class RemainingTimeThreshold(Policy):
 
     thresholds: tuple[float, ...]
     joint: frozenset[int]
+    observation = "paper"
 
     def decide_all(self, observations: np.ndarray) -> np.ndarray:
         """See Policy."""
