@@ -1,13 +1,12 @@
 """Pool: drawn durations, with what the estimators say of them, of which episodes of the twin are put together."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.filter import PhaseFilter
-from pace_drake.people import People, Person
+from pace_drake.people import People
 from pace_drake.scenario import Scenario
 from pace_drake.task import Episode
 
@@ -102,7 +101,7 @@ def make_pool(
     people: People,
     size: int,
     rng: np.random.Generator,
-    participants: Sequence[Person] | None = None,
+    num_people: int | None = None,
 ) -> Pool:
     """Draws a pool of ``size`` and computes the phases of its (demonstration, duration) pairs.
 
@@ -111,16 +110,16 @@ def make_pool(
         people: of the scenario.
         size: K; rounded up to a whole number of draws for each person.
         rng: the only source of randomness.
-        participants: who plays; None draws new people, unless nothing distinguishes them (``pace_correlation`` 0).
+        num_people: how many play; None takes one for every few draws. Where nothing distinguishes them
+            (``pace_correlation`` 0) everybody is the same.
     """
-    distinct = people.rescale and scenario.human.pace_correlation > 0
-    if not distinct:
-        drawn = [people.sample(scenario, rng) for _ in range(size)]
+    if not people.rescale or scenario.human.pace_correlation == 0:
         num_people = 1
+        drawn = [people.sample(scenario, rng) for _ in range(size)]
     else:
-        chosen = participants or people.draw_group(-(-size // _DRAWS_EACH), rng)
-        each, num_people = -(-size // len(chosen)), len(chosen)
-        drawn = [people.sample(scenario, rng, person) for person in chosen for _ in range(each)]
+        num_people = num_people or -(-size // _DRAWS_EACH)
+        group, each = people.draw_group(num_people, rng), -(-size // num_people)
+        drawn = [people.sample(scenario, rng, person) for person in group for _ in range(each)]
     human = np.array([episode.human for episode in drawn]).T.copy()
     demonstration = np.array([episode.demonstration for episode in drawn]).T.copy()
     return Pool(

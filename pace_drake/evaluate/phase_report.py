@@ -1,16 +1,12 @@
 """The comparison of phase estimators on paper: tables, figures, and one HTML page that needs nothing else."""
 
-import base64
 import csv
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pace_drake import __version__
 from pace_drake.dtw.scores import FRACTIONS, Score, linear_phase
 from pace_drake.dtw.tune import EU, OE, WP
 from pace_drake.evaluate.phase import (
@@ -26,6 +22,7 @@ from pace_drake.evaluate.phase import (
     Evaluation,
     example,
 )
+from pace_drake.evaluate.report import Table, html_page
 from pace_drake.files import write_whole
 
 if TYPE_CHECKING:
@@ -57,15 +54,6 @@ _STYLES = {
 }
 _PART_COLOURS = ("#999999", "#E69F00", "#0072B2")
 _MAIN = (TIME, OE, EU, WP, FUSED)  # in the figure of the phases
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table for people: the first column names the rows."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
 
 
 def tables(evaluation: Evaluation) -> list[Table]:
@@ -234,68 +222,22 @@ def _save(figure: "Figure", path: Path, evaluation: Evaluation, what: str) -> No
 
 def page(evaluation: Evaluation, command_line: str, pictures: dict[str, bytes]) -> str:
     """The whole report as one HTML page, pictures (name -> PNG) within it."""
-    import jinja2
-
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    return environment.from_string(_PAGE).render(
-        signals=evaluation.signals,
-        command_line=command_line,
-        version=__version__,
-        tables=tables(evaluation),
-        pictures={name: base64.b64encode(content).decode("ascii") for name, content in pictures.items()},
-        about=ABOUT,
+    signals = evaluation.signals
+    return html_page(
+        f"Phase estimators on {signals.title}",
+        [
+            f"{signals.description}.",
+            f"Source: {signals.source}. Licence: {signals.licence}. Units: {signals.units}.",
+            _METHOD,
+        ],
+        command_line,
+        tables(evaluation),
+        pictures,
+        ABOUT,
+        "a generator made these signals, no person did." if signals.synthetic else "",
     )
 
 
-_PAGE = """\
-<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Phase estimators on {{ signals.title }}</title>
-<style>
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
-table { border-collapse: collapse; font-size: .9rem; } .wide { overflow-x: auto; }
-th, td { padding: .25rem .7rem; text-align: right; border-bottom: 1px solid #ddd; }
-th:first-child, td:first-child { text-align: left; } thead th { border-bottom: 2px solid #888; }
-img { max-width: 100%; } code { background: #f3f3f3; padding: .1rem .3rem; }
-.synthetic { border: 2px solid #D55E00; padding: .5rem 1rem; } dt { font-weight: 600; }
-</style>
-</head>
-<body>
-<h1>Phase estimators on {{ signals.title }}</h1>
-{% if signals.synthetic %}
-<p class="synthetic"><strong>SYNTHETIC</strong>: a generator made these signals, no person did.</p>
-{% endif %}
-<p>{{ signals.description }}.</p>
-<p>Source: {{ signals.source }}. Licence: {{ signals.licence }}. Units: {{ signals.units }}.</p>
-<p>Made by pace_drake {{ version }} with <code>{{ command_line }}</code></p>
-<p>The truth is a linear phase (paper, Sec. IV-A). Everything is tuned and fitted on the training signals alone; a
-reference is not scored on itself. An estimator without a prediction of its own has its remaining time extrapolated:
-elapsed (1 - phase) / phase. p50 and p99 are wall times of one update.</p>
-{% for table in tables %}
-<h2>{{ table.title }}</h2>
-<div class="wide"><table>
-<thead><tr>{% for column in table.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>
-<tbody>
-{% for row in table.rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
-{% endfor %}
-</tbody>
-</table></div>
-{% endfor %}
-<h2>Figures</h2>
-{% for name, content in pictures.items() %}
-<p><img alt="{{ name }}" src="data:image/png;base64,{{ content }}"></p>
-{% endfor %}
-<h2>The estimators</h2>
-<dl>
-{% for name, text in about.items() %}
-<dt>{{ name }}</dt><dd>{{ text }}</dd>
-{% endfor %}
-</dl>
-</body>
-</html>
-"""
+_METHOD = """The truth is a linear phase (paper, Sec. IV-A). Everything is tuned and fitted on the training signals \
+alone; a reference is not scored on itself. An estimator without a prediction of its own has its remaining time \
+extrapolated: elapsed (1 - phase) / phase. p50 and p99 are wall times of one update."""

@@ -1,0 +1,178 @@
+"""Policies in redrawn worlds of people: how much of a difference is the policies', and how much the people's.
+
+A world is a seed: five people who are known (their training trials, from which references, calibrations, thresholds
+and policies come, and their validation trials), and twelve who are not. Everything is searched, fitted and trained
+anew in each world, on training trials alone, and all play the same episodes of it.
+"""
+
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from pace_drake.envs.pool import make_pool
+from pace_drake.envs.twin import AssemblyTwin
+from pace_drake.errors import InputError
+from pace_drake.evaluate.fitted_optimum import fitted_optimum
+from pace_drake.evaluate.perfect_phase import play_with_perfect_phase
+from pace_drake.evaluate.play import Played, play
+from pace_drake.evaluate.policies import Player, clairvoyant_costs, play_all
+from pace_drake.evaluate.thresholds import RULES, search_thresholds
+from pace_drake.evaluate.timed_optimum import timed_optimum
+from pace_drake.observation import OBSERVATION_SETS
+from pace_drake.people import NUM_UNSEEN, load_people
+from pace_drake.policies import Policy
+from pace_drake.policies.factory import make_policy
+from pace_drake.scenario import SYNTHETIC, Scenario
+
+WORLD_SPLITS = ("train", "validation", "unseen")
+#: Names of the rows of the table that others are compared with.
+NO_PHASE, PERFECT, EXPLICIT, FITTED = "optimum without phase", "perfect phase", "explicit query", "fitted optimum"
+CLAIRVOYANT = "clairvoyant"
+
+#: Draws of each human action in a pool: of training, and of what is played to compare.
+_TRAINING_DRAWS, _DRAWS = 1024, 480
+#: Episodes in which thresholds are searched, and from which surfaces are fitted.
+_SEARCH_EPISODES, _FIT_EPISODES = 6000, 30_000
+
+#: Trains a policy in a scenario (its observation set says what it sees), with a seed.
+Train = Callable[[Scenario, int], Policy]
+
+
+def ppo_name(observation: str) -> str:
+    """The name of a learned policy's row."""
+    return f"PPO, {observation}" if observation != "none" else "PPO, no phase"
+
+
+@dataclass(frozen=True)
+class WorldResult:
+    """What every policy did in one world.
+
+    Attributes:
+        seed: of the world.
+        played: by split and policy.
+        clairvoyant: by split, (E,) [s] least possible costs.
+        person: by split, (E,) who played each episode, from 0.
+        phase_rmse: by split, of the paper's phase at all samples of the pool's non-joint actions.
+    """
+
+    seed: int
+    played: dict[str, dict[str, Played]]
+    clairvoyant: dict[str, np.ndarray]
+    person: dict[str, np.ndarray]
+    phase_rmse: dict[str, float]
+
+
+def evaluate_world(
+    scenario: Scenario,
+    seed: int,
+    episodes: int,
+    train: Train | None = None,
+    observations: tuple[str, ...] = tuple(OBSERVATION_SETS),
+    extra: Mapping[str, Policy] | None = None,
+    report: Callable[[str], None] = lambda _what: None,
+) -> WorldResult:
+    """Makes the people of one world, everything that is learnt from them, and plays it all.
+
+    Args:
+        scenario: its task, estimators and chart; its people must be synthetic.
+        seed: of the world, and of all that is random in it.
+        episodes: per split and policy.
+        train: trains the learned policies; None: there are none.
+        observations: the observation sets that policies are learnt for.
+        extra: more policies to play, by name.
+        report: told what is being done.
+
+    Raises:
+        InputError: the people are recordings: they cannot be drawn anew.
+    """
+    if scenario.human.demonstrations != SYNTHETIC:
+        raise InputError("human.demonstrations: worlds of people are redrawn, which recordings cannot be")
+    splits = {}
+    for number, split in enumerate(WORLD_SPLITS):
+        report(f"world {seed}: the phases of {split} people")
+        splits[split] = _people_of(scenario, seed, split, episodes, number)
+    players = roster(scenario, seed, train, observations, report)
+    players |= {name: partial(play, policy=policy) for name, policy in (extra or {}).items()}
+    played = {}
+    for split, (twin, parts) in splits.items():
+        report(f"world {seed}: playing with {split} people")
+        played[split] = play_all(twin, parts, players)
+    return WorldResult(
+        seed,
+        played,
+        {split: clairvoyant_costs(twin, parts) for split, (twin, parts) in splits.items()},
+        {split: twin.pool.person(parts) for split, (twin, parts) in splits.items()},
+        {split: phase_rmse(twin) for split, (twin, _) in splits.items()},
+    )
+
+
+def roster(
+    scenario: Scenario,
+    seed: int,
+    train: Train | None = None,
+    observations: tuple[str, ...] = tuple(OBSERVATION_SETS),
+    report: Callable[[str], None] = lambda _what: None,
+) -> dict[str, Player]:
+    """All policies and bounds of the table, searched, fitted and trained on the training trials of one world.
+
+    Args and errors as ``evaluate_world``.
+    """
+    known = in_world(scenario, seed, "train")
+    report(f"world {seed}: the phases of training trials")
+    rng = np.random.default_rng([seed, 100])
+    pool = make_pool(known, load_people(known), _TRAINING_DRAWS, rng)
+    policies: dict[str, Policy] = {
+        name.replace("_", " "): make_policy(name, known) for name in ("explicit_query", "always_assist", "never_assist")
+    }
+    report(f"world {seed}: searching thresholds")
+    search = AssemblyTwin(known, pool, _SEARCH_EPISODES), pool.sample(_SEARCH_EPISODES, rng)
+    for rule in RULES:
+        policies[rule.replace("_", " ")] = search_thresholds(*search, rule).policy
+    report(f"world {seed}: the optimum without phase, and the fitted one with it")
+    policies[NO_PHASE] = timed_optimum(known).policy
+    policies[FITTED] = fitted_optimum(AssemblyTwin(known, pool, _FIT_EPISODES), pool.sample(_FIT_EPISODES, rng))
+    if train is not None:
+        for observation in observations:
+            report(f"world {seed}: training {ppo_name(observation)}")
+            learner = deepcopy(known)
+            learner.observation = observation
+            policies[ppo_name(observation)] = train(learner, seed)
+    players: dict[str, Player] = {name: partial(play, policy=policy) for name, policy in policies.items()}
+    players[PERFECT] = play_with_perfect_phase
+    return players
+
+
+def in_world(scenario: Scenario, seed: int, split: str) -> Scenario:
+    """The scenario with the people of a world, seen with everything that any observation set has."""
+    changed = deepcopy(scenario)
+    changed.human.seed, changed.human.split, changed.observation = seed, split, "history"
+    changed.validate()
+    return changed
+
+
+def _people_of(
+    scenario: Scenario, seed: int, split: str, episodes: int, number: int
+) -> tuple[AssemblyTwin, np.ndarray]:
+    """A twin with the people of one split, and the episodes that all policies play."""
+    changed = in_world(scenario, seed, split)
+    rng = np.random.default_rng([seed, number])
+    pool = make_pool(changed, load_people(changed), _DRAWS, rng, NUM_UNSEEN if split == "unseen" else None)
+    return AssemblyTwin(changed, pool, episodes), pool.sample(episodes, rng)
+
+
+def phase_rmse(twin: AssemblyTwin) -> float:
+    """Root mean square error of the paper's phase, over all samples of the pool, against a linear phase."""
+    phases, human = twin.pool.phases, twin.pool.human
+    squares, count = 0.0, 0
+    for j, action in enumerate(twin.scenario.task.human_actions):
+        if action.joint:
+            continue
+        for start, length, seconds in zip(phases.start[j], phases.length[j], human[j], strict=True):
+            # The last sample is the one after the end.
+            truth = np.arange(length) * twin.scenario.human.sample_period / seconds
+            error = (phases.values[start : start + length, 0] - truth)[truth <= 1.0]
+            squares, count = squares + float(error @ error), count + len(error)
+    return float(np.sqrt(squares / max(count, 1)))
