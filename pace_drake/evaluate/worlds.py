@@ -21,7 +21,7 @@ from pace_drake.evaluate.play import Played, play
 from pace_drake.evaluate.policies import Player, clairvoyant_costs, play_all
 from pace_drake.evaluate.thresholds import RULES, search_thresholds
 from pace_drake.evaluate.timed_optimum import timed_optimum
-from pace_drake.observation import OBSERVATION_SETS
+from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
 from pace_drake.people import NUM_UNSEEN, load_people
 from pace_drake.policies import Policy
 from pace_drake.policies.factory import make_policy
@@ -93,13 +93,55 @@ def evaluate_world(
     splits = {}
     for number, split in enumerate(WORLD_SPLITS):
         report(f"world {seed}: the phases of {split} people")
-        splits[split] = _people_of(scenario, seed, split, episodes, number)
+        splits[split] = _twin_of(in_world(scenario, seed, split), episodes, np.random.default_rng([seed, number]))
     players = roster(scenario, seed, train, observations, report)
     players |= {name: partial(play, policy=policy) for name, policy in (extra or {}).items()}
     played = {}
     for split, (twin, parts) in splits.items():
         report(f"world {seed}: playing with {split} people")
         played[split] = play_all(twin, parts, players)
+    return _result(seed, splits, played)
+
+
+def evaluate_given(
+    scenario: Scenario,
+    policies: Mapping[str, Policy],
+    seed: int,
+    episodes: int,
+    report: Callable[[str], None] = lambda _what: None,
+) -> WorldResult:
+    """Plays given policies in the scenario's own world: with all splits of its people, or with the recorded hands.
+
+    The bounds that need no training stand beside them.
+
+    Args:
+        scenario: see ``evaluate_world``; its people may be recordings.
+        policies: by name.
+        seed: of the episodes.
+        episodes: per split and policy.
+        report: told what is being done.
+    """
+    synthetic = scenario.human.demonstrations == SYNTHETIC
+    observation = "history" if any(p.observation in FUSED_SETS for p in policies.values()) else scenario.observation
+    players: dict[str, Player] = {name: partial(play, policy=policy) for name, policy in policies.items()}
+    players[NO_PHASE] = partial(play, policy=timed_optimum(scenario).policy)
+    players[PERFECT] = play_with_perfect_phase
+    splits = {}
+    for number, split in enumerate(WORLD_SPLITS if synthetic else ("recorded",)):
+        report(f"the phases of {split} people")
+        changed = deepcopy(scenario)
+        changed.observation = observation
+        if synthetic:
+            changed.human.split = split
+        splits[split] = _twin_of(changed, episodes, np.random.default_rng([seed, number]))
+    report("playing")
+    played = {split: play_all(twin, parts, players) for split, (twin, parts) in splits.items()}
+    return _result(scenario.human.seed, splits, played)
+
+
+def _result(
+    seed: int, splits: Mapping[str, tuple[AssemblyTwin, np.ndarray]], played: dict[str, dict[str, Played]]
+) -> WorldResult:
     return WorldResult(
         seed,
         played,
@@ -153,14 +195,11 @@ def in_world(scenario: Scenario, seed: int, split: str) -> Scenario:
     return changed
 
 
-def _people_of(
-    scenario: Scenario, seed: int, split: str, episodes: int, number: int
-) -> tuple[AssemblyTwin, np.ndarray]:
-    """A twin with the people of one split, and the episodes that all policies play."""
-    changed = in_world(scenario, seed, split)
-    rng = np.random.default_rng([seed, number])
-    pool = make_pool(changed, load_people(changed), _DRAWS, rng, NUM_UNSEEN if split == "unseen" else None)
-    return AssemblyTwin(changed, pool, episodes), pool.sample(episodes, rng)
+def _twin_of(scenario: Scenario, episodes: int, rng: np.random.Generator) -> tuple[AssemblyTwin, np.ndarray]:
+    """A twin with a scenario's people, and the episodes that all policies play."""
+    num_people = NUM_UNSEEN if scenario.human.split == "unseen" else None
+    pool = make_pool(scenario, load_people(scenario), _DRAWS, rng, num_people)
+    return AssemblyTwin(scenario, pool, episodes), pool.sample(episodes, rng)
 
 
 def phase_rmse(twin: AssemblyTwin) -> float:

@@ -1,0 +1,185 @@
+"""``pace evaluate policy``: who waited for whom, policy by policy."""
+
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pace_drake.cli.tables import rich_table
+from pace_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from pace_drake.evaluate.policy_report import Comparison
+    from pace_drake.evaluate.worlds import Train, WorldResult
+    from pace_drake.scenario import Scenario
+
+
+@click.command("policy", short_help="Compare policies on the same episodes.")
+@click.argument("scenario", default="ikea_chair")
+@click.option(
+    "--policy",
+    "names",
+    multiple=True,
+    help="Name or .onnx file; may be given several times. Default: all rules that end, and the learned one.",
+)
+@click.option("--episodes", type=click.IntRange(min=2), default=2000, show_default=True, help="Per split of people.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
+@click.option(
+    "--worlds",
+    type=click.IntRange(min=1),
+    help="Redraw the people so often, and search, fit and train everything anew: Table I with its bounds.",
+)
+@click.option(
+    "--steps",
+    type=click.IntRange(min=1),
+    help="With --worlds: decisions that each policy is trained on; default as pace train.",
+)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@click.option(
+    "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write all figures there too."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for policies.csv, pictures and index.html.")
+def policy(
+    scenario: str,
+    names: tuple[str, ...],
+    episodes: int,
+    seed: int,
+    worlds: int | None,
+    steps: int | None,
+    overrides: tuple[str, ...],
+    json_file: Path | None,
+    out: Path | None,
+) -> None:
+    """Play policies on the same episodes of SCENARIO, and show who waited for whom.
+
+    The people are those whom the estimators know, with training and with validation trials, and people whom nothing
+    was learnt from. Durations only, by the compiled twin. Without --worlds: given policies, in the scenario's world.
+    """
+    from rich.console import Console
+
+    if json_file is not None and not json_file.parent.is_dir():
+        raise InputError(f"{json_file.parent}: no such folder")
+    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+    if steps is not None and worlds is None:
+        raise InputError("--steps: policies are trained with --worlds only")
+
+    from pace_drake.evaluate.policy_report import studies, tables, to_json, write_report
+    from pace_drake.files import write_whole
+    from pace_drake.scenario import load_scenario
+
+    loaded = load_scenario(scenario, overrides)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=200)
+    with console.status("") as status:
+
+        def report(what: str) -> None:
+            status.update(what)
+
+        if worlds is None:
+            comparison = _given(loaded, names, episodes, seed, report)
+        else:
+            comparison = _redrawn(loaded, names, episodes, seed, worlds, _trainer(steps), report)
+        report("simulating studies with participants")
+        study, powers = studies(comparison)
+    console.print(comparison.people, markup=False, highlight=False, soft_wrap=True)
+    for table in tables(comparison, study, powers):
+        console.print(rich_table(table))
+    if json_file is not None:
+        text = json.dumps(to_json(comparison, study, powers), indent=1, allow_nan=False) + "\n"
+        write_whole(json_file, lambda part: part.write_text(text, encoding="utf-8"))
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{out}: cannot make the folder: {error.strerror}") from None
+        write_report(out, comparison, _command_line(scenario, names, episodes, seed, worlds, steps, overrides))
+        console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _given(
+    scenario: "Scenario", names: tuple[str, ...], episodes: int, seed: int, report: Callable[[str], None]
+) -> "Comparison":
+    from pace_drake.evaluate.worlds import evaluate_given
+    from pace_drake.policies.factory import POLICIES, make_policy
+
+    chosen = names or tuple(name for name in POLICIES if name != "never_assist")
+    policies = {Path(n).name.replace("_", " "): make_policy(n, scenario, any_observation=True) for n in chosen}
+    return _comparison(scenario, [evaluate_given(scenario, policies, seed, episodes, report)], seed)
+
+
+def _redrawn(
+    scenario: "Scenario",
+    names: tuple[str, ...],
+    episodes: int,
+    seed: int,
+    worlds: int,
+    train: "Train",
+    report: Callable[[str], None],
+) -> "Comparison":
+    from pace_drake.evaluate.worlds import evaluate_world
+    from pace_drake.policies.factory import make_policy
+
+    extra = {f"given: {Path(n).name}": make_policy(n, scenario, any_observation=True) for n in names}
+    results = [
+        evaluate_world(scenario, world, episodes, train, extra=extra, report=report)
+        for world in range(seed, seed + worlds)
+    ]
+    return _comparison(scenario, results, seed)
+
+
+def _comparison(scenario: "Scenario", results: "list[WorldResult]", seed: int) -> "Comparison":
+    from pace_drake.evaluate.policy_report import Comparison
+    from pace_drake.people import load_people
+    from pace_drake.scenario import SYNTHETIC
+
+    synthetic = scenario.human.demonstrations == SYNTHETIC
+    if synthetic:
+        seeds = ", ".join(str(result.seed) for result in results)
+        people = f"SYNTHETIC people, not recordings; worlds: {seeds}. Each: five who are known, and twelve unseen."
+    else:
+        people = load_people(scenario).description
+    cv = tuple(action.duration.cv for action in scenario.task.human_actions if not action.joint)
+    title = f"{scenario.name}, lambda {scenario.task.human_idle_weight:g}"
+    return Comparison(title, people, synthetic, results, seed, cv)
+
+
+def _trainer(steps: int | None) -> "Train":
+    from dataclasses import replace
+
+    try:
+        from pace_drake.learning.greedy import GreedyPolicy
+        from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo
+    except ModuleNotFoundError as error:
+        raise InputError(f"--worlds trains policies and needs {error.name}: pip install 'pace_drake[train]'") from error
+    settings = TWIN_SETTINGS if steps is None else replace(TWIN_SETTINGS, steps=steps)
+
+    def train(scenario: "Scenario", seed: int) -> GreedyPolicy:
+        return GreedyPolicy(train_ppo(scenario, replace(settings, seed=seed), backend="twin"), scenario)
+
+    return train
+
+
+def _command_line(
+    scenario: str,
+    names: tuple[str, ...],
+    episodes: int,
+    seed: int,
+    worlds: int | None,
+    steps: int | None,
+    overrides: tuple[str, ...],
+) -> str:
+    words = ["pace", "evaluate", "policy", scenario, "--episodes", str(episodes), "--seed", str(seed)]
+    for name in names:
+        words += ["--policy", name]
+    if worlds is not None:
+        words += ["--worlds", str(worlds)]
+    if steps is not None:
+        words += ["--steps", str(steps)]
+    for override in overrides:
+        words += ["--set", override]
+    return shlex.join(words)
