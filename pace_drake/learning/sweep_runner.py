@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import socket
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -74,6 +75,7 @@ def cluster(jobs: int | None = None, address: str | None = None) -> Iterator[Non
             **quiet,
         )
     else:
+        _knock(address)
         try:
             ray.init(address, **quiet)
         except Exception as error:  # several unrelated types, by what is wrong with the address
@@ -83,6 +85,16 @@ def cluster(jobs: int | None = None, address: str | None = None) -> Iterator[Non
         yield
     finally:
         ray.shutdown()
+
+
+def _knock(address: str) -> None:
+    # Ray itself tries for two minutes.
+    host, _, port = address.rpartition(":")
+    if host and port.isdigit() and "/" not in host:
+        try:
+            socket.create_connection((host, int(port)), timeout=10.0).close()
+        except (OSError, OverflowError) as error:
+            raise InputError(f"--address {address}: nobody answers there ({error})") from error
 
 
 @dataclass(frozen=True)
@@ -173,7 +185,7 @@ def run_tasks(
 class SweepLog:
     """Finished rows, one a line (JSON), each on the disk before the next task's is waited for.
 
-    A context manager. The file is locked: two sweeps do not write the same one.
+    A context manager, which leaves no empty file. The file is locked: two sweeps do not write the same one.
 
     Args:
         path: made if it is not there; of an older one the rows are read, and a last line that was not written whole is
@@ -228,6 +240,8 @@ class SweepLog:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if not self.rows:
+            self.path.unlink(missing_ok=True)
         self._file.close()
 
 
