@@ -9,6 +9,7 @@ import resource
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from itertools import product
 from math import inf, sqrt
 from pathlib import Path
@@ -16,9 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
+from pydrake.common.yaml import yaml_load_typed
 
 from pace_drake import __version__
-from pace_drake.envs.pool import make_pool
+from pace_drake.envs.pool import Pool, make_pool
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.errors import InputError, require
 from pace_drake.evaluate.play import Played, play
@@ -64,7 +66,7 @@ class SweepTask:
         scenario: with all overrides in it.
         steps: decisions to train on.
         episodes: of the evaluation, on each of ``SPLITS``.
-        key: digest of all that the row depends on, so that a row is taken for another task's never.
+        key: digest of all that the row depends on, so that no row is taken for that of another task.
     """
 
     cell: Cell
@@ -269,8 +271,8 @@ def run_task(task: SweepTask) -> dict[str, Any]:
         "episodes": task.episodes,
     }
     policy = _Greedy(model, scenario)
-    for number, split in enumerate(SPLITS):
-        played = _evaluate(scenario, policy, split, number, task.episodes)
+    for split in SPLITS:
+        played = _evaluate(scenario, policy, split, task.episodes)
         row |= {f"{split}_{name}": value for name, value in _means(played).items()}
     return row | {
         "training_time": training_time,
@@ -278,11 +280,21 @@ def run_task(task: SweepTask) -> dict[str, Any]:
     }
 
 
-def _evaluate(scenario: Scenario, policy: Policy, split: str, number: int, episodes: int) -> Played:
+def _evaluate(scenario: Scenario, policy: Policy, split: str, episodes: int) -> Played:
+    # Phases do not depend on lambda: one pool serves the tasks that differ in it, or in their seed.
+    task = replace(scenario.task, human_idle_weight=1.0)
+    pool = _pool(replace(scenario, task=task, human=replace(scenario.human, split=split)).to_yaml())
     held_out = replace(scenario, human=replace(scenario.human, split=split))
-    rng = np.random.default_rng([_EPISODES_SEED, number])
-    pool = make_pool(held_out, load_people(held_out), POOL_SIZE, rng)
-    return play(AssemblyTwin(held_out, pool, episodes), pool.sample(episodes, rng), policy)
+    parts = pool.sample(episodes, np.random.default_rng([_EPISODES_SEED, SPLITS.index(split), 1]))
+    return play(AssemblyTwin(held_out, pool, episodes), parts, policy)
+
+
+@lru_cache(maxsize=2 * len(SPLITS))
+def _pool(held_out: str) -> Pool:
+    """Of a scenario, as text; a pool takes about 2 s."""
+    scenario = yaml_load_typed(schema=Scenario, data=held_out)
+    rng = np.random.default_rng([_EPISODES_SEED, SPLITS.index(scenario.human.split), 0])
+    return make_pool(scenario, load_people(scenario), POOL_SIZE, rng)
 
 
 def _means(played: Played) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -187,12 +188,16 @@ def test_a_row(row, task):
 def test_tasks_of_a_scenario_are_evaluated_on_the_same_episodes(tmp_path):
     """Who always assists does not look at phases: same episodes, same idle times, whatever the rest of the grid."""
     made = tasks(tmp_path, seeds=[0, 1], observation=["none", "history"], estimators={"wp": {}, "eu": EUCLIDEAN})
-    played = [_evaluate(task.scenario, AlwaysAssist(), "unseen", 1, 50) for task in made[::3]]
+    played = [_evaluate(task.scenario, AlwaysAssist(), "unseen", 50) for task in made[::3]]
     assert len({(task.cell.estimator, task.cell.observation) for task in made[::3]}) == 3
     for one in played[1:]:
         assert np.array_equal(one.robot_idle, played[0].robot_idle)
         assert np.array_equal(one.human_idle, played[0].human_idle)
-    other = _evaluate(made[0].scenario, AlwaysAssist(), "validation", 0, 50)
+    dearer = replace(made[0].scenario, task=replace(made[0].scenario.task, human_idle_weight=50.0))
+    played_dearer = _evaluate(dearer, AlwaysAssist(), "unseen", 50)
+    assert np.array_equal(played_dearer.human_idle, played[0].human_idle)
+    assert np.array_equal(played_dearer.cost, played[0].robot_idle.sum(axis=1) + 50 * played[0].human_idle.sum(axis=1))
+    other = _evaluate(made[0].scenario, AlwaysAssist(), "validation", 50)
     assert not np.array_equal(other.robot_idle, played[0].robot_idle)
 
 
@@ -207,7 +212,7 @@ def test_a_person_who_waits_is_helped_whatever_the_network_prefers(chair):
     observations = np.column_stack([np.ones(6), np.arange(1.0, 7.0), np.ones(6), np.ones(6)])
     assert policy.decide_all(observations).tolist() == [0, 1, 0, 1, 0, 1]
     assert person_waits(observations, policy._joint).tolist() == [False, True] * 3
-    assert _evaluate(chair, policy, "validation", 0, 20).finished.all()
+    assert _evaluate(chair, policy, "validation", 20).finished.all()
 
 
 def plain_row(task):
