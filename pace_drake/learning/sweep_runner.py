@@ -17,7 +17,7 @@ from pace_drake.errors import InputError, require
 from pace_drake.files import write_whole
 from pace_drake.learning.sweep import ROW_UNITS, Failure, SweepTask, run_task
 
-#: [byte] that Ray reserves for each task: a worker takes 0.7 GB at most (docs/learning.md).
+#: [byte] that Ray reserves for each task: a worker takes up to 0.85 GB (docs/learning.md).
 WORKER_MEMORY = 1 << 30
 #: [byte] of Ray's store of objects; rows are small.
 _OBJECT_STORE_MEMORY = 100 << 20
