@@ -199,6 +199,7 @@ def test_bad_arguments(tmp_path, capsys, arguments, message):
 @pytest.mark.parametrize("name", ["ray", "pyarrow"])
 def test_a_missing_package_is_named(tmp_path, capsys, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setattr("pace_drake.learning.sweep.load_sweep", lambda _: pytest.fail("known too late"))
     error = refused(capsys, "sweep", EXAMPLE, "--out", tmp_path / "t.parquet")
     assert f"a sweep needs {name}: install it with pip install 'pace_drake[ray]'" in error
     assert list(tmp_path.iterdir()) == []

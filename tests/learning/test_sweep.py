@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from pace_drake.errors import InputError
-from pace_drake.learning.sweep import ROW_UNITS, SPLITS, Failure, _evaluate, _Greedy, load_sweep, run_task
+from pace_drake.learning.sweep import ROW_UNITS, SPLITS, Failure, _evaluate, _Greedy, _pool, load_sweep, run_task
 from pace_drake.learning.sweep_runner import SweepLog, cluster, run_tasks, write_table
 from pace_drake.policies.rules import AlwaysAssist, person_waits
 
@@ -199,6 +199,20 @@ def test_tasks_of_a_scenario_are_evaluated_on_the_same_episodes(tmp_path):
     assert np.array_equal(played_dearer.cost, played[0].robot_idle.sum(axis=1) + 50 * played[0].human_idle.sum(axis=1))
     other = _evaluate(made[0].scenario, AlwaysAssist(), "validation", 50)
     assert not np.array_equal(other.robot_idle, played[0].robot_idle)
+
+
+def test_the_people_of_the_evaluation_are_held_out(chair, monkeypatch):
+    seen = []
+    monkeypatch.setattr("pace_drake.learning.sweep.load_people", lambda held_out: seen.append(held_out.human.split))
+    monkeypatch.setattr("pace_drake.learning.sweep.make_pool", lambda *_: None)
+    _pool.cache_clear()
+    trained = replace(chair, human=replace(chair.human, split="train"))
+    for split in SPLITS:
+        with pytest.raises(AttributeError):  # of the pool that is none
+            _evaluate(trained, AlwaysAssist(), split, 50)
+    _pool.cache_clear()
+    assert seen == list(SPLITS)
+    assert "train" not in SPLITS
 
 
 def test_a_person_who_waits_is_helped_whatever_the_network_prefers(chair):
