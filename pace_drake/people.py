@@ -252,7 +252,9 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     training: list[list[Demonstration]] = []
     known = synthetic.split("train")
     if config.split == "unseen":
-        chosen = generate_demonstrations(seed=config.seed + _UNSEEN_SEED, num_subjects=NUM_UNSEEN)
+        chosen = generate_demonstrations(
+            seed=config.seed + _UNSEEN_SEED, num_subjects=NUM_UNSEEN, variety=config.unseen_variety
+        )
         who = f"{NUM_UNSEEN} unseen people"
     else:
         who = f"{config.split} trials"

@@ -51,6 +51,8 @@ class HumanConfig:
     pace_correlation: float = 0.0
     """[-] in [0, 1) how far the durations of one person's actions go together: the share of their variance that is
     between people. 0: each is drawn by itself, as in the paper. Above 0, an episode is also one person's throughout."""
+    unseen_variety: float = 1.0
+    """How much the styles of unseen people differ, relative to those of the known ones; 2 makes unusual people."""
     sample_period: float = 0.1
     """[s] of the hand tracker (the paper: 10 Hz)."""
     monitor: str = "told"
@@ -146,6 +148,11 @@ class Scenario:
             0 <= self.human.pace_correlation < 1,
             "human.pace_correlation",
             f"must lie in [0, 1), is {self.human.pace_correlation}",
+        )
+        require(
+            0 <= self.human.unseen_variety < inf,
+            "human.unseen_variety",
+            f"must be >= 0, is {self.human.unseen_variety}",
         )
         check_observation(self.observation)
         require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")

@@ -223,7 +223,7 @@ _SCRIPTS: dict[str, Callable[[_Hand], None]] = {
 
 
 def generate_demonstrations(
-    seed: int = 0, num_subjects: int = 5, num_trials: int = 4, sample_period: float = 0.1
+    seed: int = 0, num_subjects: int = 5, num_trials: int = 4, sample_period: float = 0.1, variety: float = 1.0
 ) -> DemonstrationSet:
     """Makes the synthetic demonstrations of place_rails, place_screws and tighten_screws.
 
@@ -234,10 +234,13 @@ def generate_demonstrations(
         num_subjects: how many people.
         num_trials: how many trials of each action per person; the reference of each action comes on top.
         sample_period: [s] a multiple of 0.01 s.
+        variety: how much the styles of people differ, relative to what the model says; 2 makes unusual ones.
 
     Raises:
         InputError: an argument is out of range.
     """
+    if not 0 <= variety < math.inf:
+        raise InputError(f"variety of the demonstrations must be >= 0, got {variety}")
     for name, value in (("seed", seed + 1), ("num_subjects", num_subjects), ("num_trials", num_trials)):
         if value < 1:
             raise InputError(f"{name} of the demonstrations must be larger, got {value - (name == 'seed')}")
@@ -245,7 +248,7 @@ def generate_demonstrations(
     if stride < 1 or not math.isclose(stride * _STEP, sample_period):
         raise InputError(f"sample_period must be a multiple of {_STEP} s, got {sample_period}")
 
-    styles = _styles(seed, num_subjects)
+    styles = _styles(seed, num_subjects, variety)
     demonstrations: list[Demonstration] = []
     references: list[Demonstration] = []
     for index, action in enumerate(_SCRIPTS):
@@ -279,28 +282,28 @@ def _play(action: str, style: _Style, stride: int, rng: np.random.Generator) -> 
     return path + _unsteadiness(len(path), stride * _STEP, rng) + offset + noise
 
 
-def _styles(seed: int, num_subjects: int) -> list[_Style]:
+def _styles(seed: int, num_subjects: int, variety: float) -> list[_Style]:
     rngs = [np.random.default_rng((seed, 0, subject)) for subject in range(num_subjects)]
     # Tempos are the quantiles of their distribution in random order: five independent draws would often make
     # a group that is far from the paper's mean durations, or in which all people are alike.
     quantiles = norm.ppf((np.random.default_rng((seed, 2)).permutation(num_subjects) + 0.5) / num_subjects)
-    log_tempo = _SUBJECT_TEMPO * quantiles
+    log_tempo = variety * _SUBJECT_TEMPO * quantiles
     return [
         _Style(
             tempo=math.exp(log_tempo[subject]),
-            kind_tempo={kind: rng.lognormal(0.0, _SUBJECT_KIND_TEMPO) for kind in _KINDS},
-            skew=rng.lognormal(0.0, _SUBJECT_SKEW),
+            kind_tempo={kind: rng.lognormal(0.0, variety * _SUBJECT_KIND_TEMPO) for kind in _KINDS},
+            skew=rng.lognormal(0.0, variety * _SUBJECT_SKEW),
             lift=rng.uniform(0.08, 0.25),
-            bend=rng.normal(0.0, 0.08),
-            amplitude=rng.lognormal(0.0, _SUBJECT_AMPLITUDE),
+            bend=rng.normal(0.0, variety * 0.08),
+            amplitude=rng.lognormal(0.0, variety * _SUBJECT_AMPLITUDE),
             twiddle_rate=rng.uniform(1.5, 3.0),
             turn_angle=rng.uniform(1.6, 2.8),
-            turn_start=rng.normal(-0.5, 0.3),
-            num_turns=14.0 + rng.normal(0.0, _SUBJECT_TURNS),
+            turn_start=rng.normal(-0.5, variety * 0.3),
+            num_turns=14.0 + rng.normal(0.0, variety * _SUBJECT_TURNS),
             pause_probability=rng.uniform(0.0, 0.4),
             pause_duration=rng.uniform(0.3, 1.2),
             places={
-                name: np.array(place) + rng.normal(0.0, _SUBJECT_PLACE, 3) * (1.0, 1.0, 0.5)
+                name: np.array(place) + rng.normal(0.0, variety * _SUBJECT_PLACE, 3) * (1.0, 1.0, 0.5)
                 for name, place in _PLACES.items()
             },
         )

@@ -7,12 +7,12 @@ anew in each world, on training trials alone, and all play the same episodes of 
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from pace_drake.envs.pool import make_pool
+from pace_drake.envs.pool import Pool, make_pool
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.errors import InputError
 from pace_drake.evaluate.fitted_optimum import fitted_optimum
@@ -73,6 +73,8 @@ def evaluate_world(
     observations: tuple[str, ...] = tuple(OBSERVATION_SETS),
     extra: Mapping[str, Policy] | None = None,
     report: Callable[[str], None] = lambda _what: None,
+    splits: tuple[str, ...] = WORLD_SPLITS,
+    phase_error: float = 0.0,
 ) -> WorldResult:
     """Makes the people of one world, everything that is learnt from them, and plays it all.
 
@@ -84,23 +86,26 @@ def evaluate_world(
         observations: the observation sets that policies are learnt for.
         extra: more policies to play, by name.
         report: told what is being done.
+        splits: of the people that play.
+        phase_error: see ``with_phase_error``; while playing alone, nobody has trained with it.
 
     Raises:
         InputError: the people are recordings: they cannot be drawn anew.
     """
     if scenario.human.demonstrations != SYNTHETIC:
         raise InputError("human.demonstrations: worlds of people are redrawn, which recordings cannot be")
-    splits = {}
-    for number, split in enumerate(WORLD_SPLITS):
+    playing = {}
+    for split in splits:
         report(f"world {seed}: the phases of {split} people")
-        splits[split] = _twin_of(in_world(scenario, seed, split), episodes, np.random.default_rng([seed, number]))
+        rng = np.random.default_rng([seed, WORLD_SPLITS.index(split)])
+        playing[split] = _twin_of(in_world(scenario, seed, split), episodes, rng, phase_error)
     players = roster(scenario, seed, train, observations, report)
     players |= {name: partial(play, policy=policy) for name, policy in (extra or {}).items()}
     played = {}
-    for split, (twin, parts) in splits.items():
+    for split, (twin, parts) in playing.items():
         report(f"world {seed}: playing with {split} people")
         played[split] = play_all(twin, parts, players)
-    return _result(seed, splits, played)
+    return _result(seed, playing, played)
 
 
 def evaluate_given(
@@ -195,11 +200,33 @@ def in_world(scenario: Scenario, seed: int, split: str) -> Scenario:
     return changed
 
 
-def _twin_of(scenario: Scenario, episodes: int, rng: np.random.Generator) -> tuple[AssemblyTwin, np.ndarray]:
+def _twin_of(
+    scenario: Scenario, episodes: int, rng: np.random.Generator, phase_error: float = 0.0
+) -> tuple[AssemblyTwin, np.ndarray]:
     """A twin with a scenario's people, and the episodes that all policies play."""
     num_people = NUM_UNSEEN if scenario.human.split == "unseen" else None
     pool = make_pool(scenario, load_people(scenario), _DRAWS, rng, num_people)
-    return AssemblyTwin(scenario, pool, episodes), pool.sample(episodes, rng)
+    parts = pool.sample(episodes, rng)
+    return AssemblyTwin(scenario, with_phase_error(pool, phase_error, rng), episodes), parts
+
+
+def with_phase_error(pool: Pool, std: float, rng: np.random.Generator) -> Pool:
+    """A pool whose phases are wrong by an offset more, drawn for each action from N(0, std^2), within [0, 1].
+
+    A model of an error, to see what it costs; the phases are no estimator's any more. The remaining time of the filter
+    is left as it is.
+    """
+    if std == 0.0:
+        return pool
+    phases = pool.phases
+    values = phases.values.copy()
+    for j in range(len(phases.start)):
+        if phases.before[j, 0] == 1.0:  # joint actions
+            continue
+        for start, length in zip(phases.start[j], phases.length[j], strict=True):
+            part = values[start : start + length, :2]
+            np.clip(part + std * rng.standard_normal(), 0.0, 1.0, out=part)
+    return replace(pool, phases=replace(phases, values=values))
 
 
 def phase_rmse(twin: AssemblyTwin) -> float:
