@@ -202,7 +202,7 @@ def cached_pool(scenario: Scenario, people: People, size: int, seed: int | Seque
         size: see ``make_pool``.
         seed: of all draws.
     """
-    key = _pool_key(scenario, people, size, seed)
+    key = pool_key(scenario, people, size, seed)
     path = cache_folder("pools") / f"pool_{key[:24]}.npz"
     try:
         pool = _read_pool(path, key)
@@ -223,7 +223,8 @@ def cached_pool(scenario: Scenario, people: People, size: int, seed: int | Seque
     return pool
 
 
-def _pool_key(scenario: Scenario, people: People, size: int, seed: int | Sequence[int]) -> str:
+def pool_key(scenario: Scenario, people: People, size: int, seed: int | Sequence[int]) -> str:
+    """Hash of all that determines the pool of ``cached_pool``: equal keys, equal pools."""
     package = Path(__file__).resolve().parents[1]
     texts = (*sorted((package / "dtw").glob("*.py")), *(package / f"{name}.py" for name in _MODULES))
     content = {

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from pace_drake.envs.pool import make_pool
 from pace_drake.envs.twin import AssemblyTwin
@@ -69,7 +69,21 @@ def evaluate_policies(
     rng = np.random.default_rng(seed)
     pool = make_pool(scenario, people, POOL_SIZE, rng)
     parts = pool.sample(episodes, rng)
-    twin = AssemblyTwin(scenario, pool, episodes)
+    results = play_policies(AssemblyTwin(scenario, pool, episodes), parts, policies)
+    return results, float(np.mean([clairvoyant_cost(scenario, pool.episode(row)) for row in parts]))
+
+
+def play_policies(twin: AssemblyTwin, parts: np.ndarray, policies: Mapping[str, Policy]) -> list[PolicyResult]:
+    """Plays every policy on the same episodes.
+
+    Args:
+        twin: with as many environments as episodes.
+        parts: (E, N + 3) rows of its pool's ``sample``, at least 2.
+        policies: by name; the first is what savings are counted from.
+
+    Raises:
+        RuntimeError: a policy gives no answer where the twin needs one.
+    """
     results: list[PolicyResult] = []
     first: np.ndarray | None = None
     for name, policy in policies.items():
@@ -79,7 +93,7 @@ def evaluate_policies(
         results.append(
             PolicyResult(
                 name,
-                episodes,
+                len(parts),
                 tuple(played.robot_idle.mean(axis=0).tolist()),
                 tuple(played.human_idle.mean(axis=0).tolist()),
                 float(cost.mean()),
@@ -90,11 +104,11 @@ def evaluate_policies(
                 float(1 - played.finished.mean()),
             )
         )
-    return results, float(np.mean([clairvoyant_cost(scenario, pool.episode(row)) for row in parts]))
+    return results
 
 
 def _interval(values: np.ndarray) -> tuple[float, float]:
     """95 % confidence interval of the mean (Student's t)."""
-    half = float(t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+    half = float(stdtrit(len(values) - 1, 0.975) * values.std(ddof=1) / np.sqrt(len(values)))
     mean = float(values.mean())
     return mean - half, mean + half

@@ -45,9 +45,9 @@ def test_the_second_call_reads_what_the_first_made(chair, chair_people, folder, 
 
 def test_what_determines_a_pool_gives_another_file(chair, chair_people, folder, tmp_path_factory, monkeypatch):
     file = tmp_path_factory.mktemp("tuned") / "estimators.yaml"
-    keys = {"": module._pool_key(chair, chair_people, 6, 0)}
-    keys["seed"] = module._pool_key(chair, chair_people, 6, 1)
-    keys["size"] = module._pool_key(chair, chair_people, 7, 0)
+    keys = {"": module.pool_key(chair, chair_people, 6, 0)}
+    keys["seed"] = module.pool_key(chair, chair_people, 6, 1)
+    keys["size"] = module.pool_key(chair, chair_people, 7, 0)
     for name, value in {
         "estimator_file": str(file),
         "estimator_file again": str(file),
@@ -59,23 +59,23 @@ def test_what_determines_a_pool_gives_another_file(chair, chair_people, folder, 
         path = name.split(" ")[0].split(".")
         setattr(changed.human if len(path) == 2 else changed, path[-1], value)
         file.write_text(name)  # the same name, other content
-        keys[name] = module._pool_key(changed, chair_people, 6, 0)
+        keys[name] = module.pool_key(changed, chair_people, 6, 0)
     changed = deepcopy(chair)
     changed.estimator["place_rails"].gamma += 0.1
-    keys["estimator"] = module._pool_key(changed, chair_people, 6, 0)
+    keys["estimator"] = module.pool_key(changed, chair_people, 6, 0)
     changed = deepcopy(chair)
     changed.task.human_actions[0].duration.mean += 1
-    keys["task"] = module._pool_key(changed, chair_people, 6, 0)
+    keys["task"] = module.pool_key(changed, chair_people, 6, 0)
     changed = deepcopy(chair_people)
     changed.demonstrations[0].reverse()
-    keys["people"] = module._pool_key(chair, changed, 6, 0)
+    keys["people"] = module.pool_key(chair, changed, 6, 0)
     monkeypatch.setattr(module, "_MODULES", ("people", "task"))
-    keys["program"] = module._pool_key(chair, chair_people, 6, 0)
+    keys["program"] = module.pool_key(chair, chair_people, 6, 0)
     assert len(set(keys.values())) == len(keys)
     # What is no matter of the pool does not.
     changed = deepcopy(chair)
     changed.policy, changed.max_decisions = "explicit_query", 7
-    assert module._pool_key(changed, chair_people, 6, 0) == keys["program"]
+    assert module.pool_key(changed, chair_people, 6, 0) == keys["program"]
 
 
 @pytest.mark.parametrize("damage", ["cut", "bit", "text", "another", "start"])
@@ -94,7 +94,7 @@ def test_a_damaged_file_is_made_again(chair, chair_people, folder, damage):
         module._write_pool(path, pool, "another key")
     else:
         pool.phases.start[0, 0] += len(pool.phases.values)
-        module._write_pool(path, pool, module._pool_key(chair, chair_people, 4, 0))
+        module._write_pool(path, pool, module.pool_key(chair, chair_people, 4, 0))
         pool.phases.start[0, 0] -= len(pool.phases.values)
     with pytest.warns(UserWarning, match=rf"{path.name}: damaged \(.*made again"):
         again = cached_pool(chair, chair_people, 4, 0)
