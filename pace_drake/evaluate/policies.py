@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 from pace_drake.envs.pool import make_pool
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.evaluate.clairvoyant import clairvoyant_cost
-from pace_drake.evaluate.play import play
+from pace_drake.evaluate.play import Played, play
 from pace_drake.people import People
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
@@ -88,23 +88,26 @@ def play_policies(twin: AssemblyTwin, parts: np.ndarray, policies: Mapping[str, 
     first: np.ndarray | None = None
     for name, policy in policies.items():
         played = play(twin, parts, policy)
-        cost = played.cost
-        first = cost if first is None else first
-        results.append(
-            PolicyResult(
-                name,
-                len(parts),
-                tuple(played.robot_idle.mean(axis=0).tolist()),
-                tuple(played.human_idle.mean(axis=0).tolist()),
-                float(cost.mean()),
-                _interval(cost),
-                float((first - cost).mean()),
-                _interval(first - cost),
-                float(played.decisions.mean()),
-                float(1 - played.finished.mean()),
-            )
-        )
+        first = played.cost if first is None else first
+        results.append(summarize(name, played, first))
     return results
+
+
+def summarize(name: str, played: Played, first: np.ndarray) -> PolicyResult:
+    """Means over at least 2 episodes; ``first``: (E,) [s] costs of the policy that savings are counted from."""
+    cost = played.cost
+    return PolicyResult(
+        name,
+        len(cost),
+        tuple(played.robot_idle.mean(axis=0).tolist()),
+        tuple(played.human_idle.mean(axis=0).tolist()),
+        float(cost.mean()),
+        _interval(cost),
+        float((first - cost).mean()),
+        _interval(first - cost),
+        float(played.decisions.mean()),
+        float(1 - played.finished.mean()),
+    )
 
 
 def _interval(values: np.ndarray) -> tuple[float, float]:

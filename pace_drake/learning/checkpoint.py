@@ -1,8 +1,8 @@
 """The whole state of a training on the twin in one file, from which it goes on bit by bit; no pickle.
 
-All that a training goes on from is here: the network, Adam's moments, the number of decisions, what the agent saw last,
-the generators (torch draws the actions, numpy's global one shuffles the batches, the twin has its own), the twin, and the
-evaluations with the best parameters so far. Python's own generator is not: nothing draws from it.
+All that a training goes on from is here: the network, Adam's moments, the number of decisions, what the agent saw
+last, the generators (torch draws the actions, numpy's global one shuffles the batches, the twin has its own), the twin,
+and the evaluations with the best parameters so far. Python's own generator is not: nothing draws from it.
 """
 
 import glob
@@ -66,7 +66,8 @@ class Checkpoint:
     def _restore(self, model: PPO, evaluator: Evaluator | None) -> None:
         data = self.data
         model.policy.load_state_dict(_tensors(self._group("policy")))
-        optimizer, moments = model.policy.optimizer, {}
+        optimizer = model.policy.optimizer
+        moments: dict[int, dict[str, torch.Tensor]] = {}
         for key, value in _tensors(self._group("adam")).items():
             parameter, name = key.split("/")
             moments.setdefault(int(parameter), {})[name] = value
@@ -116,7 +117,7 @@ class CheckpointWriter(BaseCallback):
         twin, of_twin = _envs(model).envs.snapshot()
         best, evaluations = ({}, None) if self._evaluator is None else self._evaluator.snapshot()
         moments = model.policy.optimizer.state_dict()["state"]
-        numpy_random: dict[str, Any] = np.random.get_state(legacy=False)  # type: ignore[assignment] # noqa: NPY002
+        numpy_random: dict[str, Any] = np.random.get_state(legacy=False)  # noqa: NPY002
         inner = numpy_random.pop("state")
         arrays = {
             **{f"policy/{name}": value.numpy() for name, value in model.policy.state_dict().items()},
@@ -140,7 +141,7 @@ class CheckpointWriter(BaseCallback):
         }
         text = np.array(json.dumps(data))
         try:
-            write_whole(self.path, lambda part: np.savez(part, allow_pickle=False, data=text, **arrays))  # type: ignore[arg-type]
+            write_whole(self.path, lambda part: np.savez(part, allow_pickle=False, data=text, **arrays))
         except OSError as error:
             raise InputError(f"{self.path}: the checkpoint cannot be written: {error.strerror}") from error
 
@@ -187,7 +188,7 @@ def _damaged(path: Path, error: Exception) -> InputError:
     return InputError(f"{path}: damaged ({' '.join(str(error).split())}); remove it and train without --resume")
 
 
-def _tensors(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _tensors(arrays: Mapping[str, np.ndarray]) -> dict[str, torch.Tensor]:
     return {name: torch.tensor(value) for name, value in arrays.items()}
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from pace_drake.envs.pool import cached_pool
@@ -99,10 +100,15 @@ class Evaluator(BaseCallback):
             self._evaluate()
 
     def _num_updates(self) -> int:
-        return int(self.model._n_updates)  # type: ignore[attr-defined]
+        return int(self._agent._n_updates)
+
+    @property
+    def _agent(self) -> PPO:
+        assert isinstance(self.model, PPO)
+        return self.model
 
     def _evaluate(self) -> None:
-        played = play(self._twin, self._parts, GreedyPolicy(self.model, self._twin.scenario))  # type: ignore[arg-type]
+        played = play(self._twin, self._parts, GreedyPolicy(self._agent, self._twin.scenario))
         cost = float(played.cost.mean())
         self._seen, self._updates = self.num_timesteps, self._num_updates()
         self.history.append((self.num_timesteps, cost))

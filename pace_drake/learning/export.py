@@ -42,7 +42,7 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
         torch.onnx.export(
             scores,
             (sample,),
-            file,
+            file,  # type: ignore[arg-type]  # that exporter writes into memory, too
             input_names=["observation"],
             output_names=["scores"],
             dynamic_axes={"observation": {0: "batch"}, "scores": {0: "batch"}},

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium as gym
-import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
@@ -84,6 +83,7 @@ def train_ppo(
     *,
     evaluator: Evaluator | None = None,
     policy_file: Path | None = None,
+    checkpoint_every: int | None = None,
     resume: bool = False,
     tensorboard: Path | None = None,
     callbacks: Sequence[BaseCallback] = (),
@@ -98,8 +98,9 @@ def train_ppo(
         progress: called with the number of decisions so far.
         backend: the compiled twin (settings such as ``TWIN_SETTINGS``), or the diagram.
         evaluator: evaluates in the course of training, and may end it; the best parameters are returned.
-        policy_file: where the policy will be. On the twin, checkpoints are written beside it, about every tenth of the
-            training; they stay (``remove_checkpoint``). None: no checkpoints.
+        policy_file: where the policy will be. On the twin, checkpoints are written beside it, which stay
+            (``remove_checkpoint``). None: no checkpoints.
+        checkpoint_every: updates from one to the next; None: about a tenth of all.
         resume: go on from the checkpoint; the outcome is, bit by bit, that of a training that was not interrupted.
         tensorboard: folder for TensorBoard's logs; None: none.
         callbacks: more of SB3's.
@@ -140,7 +141,8 @@ def train_ppo(
         every.append(evaluator)
     if path is not None:
         updates = -(-settings.steps // (settings.num_envs * settings.rollout))
-        every.append(CheckpointWriter(path, identity, max(-(-updates // NUM_CHECKPOINTS), 1), evaluator))
+        each = checkpoint_every or -(-updates // NUM_CHECKPOINTS)
+        every.append(CheckpointWriter(path, identity, each, evaluator))
     every += callbacks
     if checkpoint is not None:
         checkpoint.restore(model, evaluator)
