@@ -11,7 +11,7 @@ from pace_drake.errors import InputError
 class _Verbs(click.Group):
     """Imports a verb only when it is called: ``pace --help`` need not wait for Drake or torch."""
 
-    _modules = ("run", "train", "thresholds", "timeline", "scenarios", "demos", "tune", "evaluate", "chart")
+    _modules = ("run", "train", "export", "thresholds", "timeline", "scenarios", "demos", "tune", "evaluate", "chart")
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self._modules)

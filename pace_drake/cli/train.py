@@ -1,7 +1,7 @@
 """``pace train``: learns when to assist."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from pace_drake.evaluate.policies import PolicyResult
     from pace_drake.learning.ppo import PPOSettings
+    from pace_drake.people import People
     from pace_drake.scenario import Scenario
 
 #: Seed of the episodes of the final score and of their pool: the same for every training, other than in training.
@@ -102,12 +103,13 @@ def command(
                 f"{option}: checkpoints and evaluations are of trainings on the twin, not --backend diagram"
             )
     if tensorboard is not None and find_spec("tensorboard") is None:
-        raise InputError("--tensorboard needs the package tensorboard: install it with pip install tensorboard")
+        raise InputError("--tensorboard needs the package tensorboard: install it with pip install 'pace_drake[train]'")
     try:
         from pace_drake.learning.ppo import TWIN_SETTINGS, PPOSettings
     except ModuleNotFoundError as error:
         raise InputError(f"training needs {error.name}: install it with pip install 'pace_drake[train]'") from error
     from pace_drake.learning.checkpoint import checkpoint_path
+    from pace_drake.people import load_people
 
     settings = TWIN_SETTINGS if backend == "twin" else PPOSettings()
     if steps is not None:
@@ -121,11 +123,12 @@ def command(
             raise InputError(f"{path.parent}: no such folder for the policy")
         paths[one] = path.with_name(f"{path.stem}-{one}.onnx") if out and seeds > 1 else path
     loaded = load_scenario(scenario, overrides)
+    people = load_people(loaded)
     console = Console()
     cards: dict[int, dict[str, Any]] = {}
     for one, path in paths.items():
         own = replace(settings, seed=one)
-        facts = {"backend": backend, "settings": asdict(own), "versions": _versions()}
+        facts = {"backend": backend, "settings": asdict(own), "versions": versions()}
         kept = checkpoint_path(path).exists()
         # Of several trainings, those before the interrupted one are done, those after it have not begun.
         if resume and seeds > 1 and not kept and (done := _finished(path, loaded, facts)):
@@ -139,15 +142,25 @@ def command(
                 highlight=False,
                 soft_wrap=True,
             )
-        model, more = _train(
-            loaded, own, backend, path, evaluate_every, patience, resume and (kept or seeds == 1), tensorboard, console
-        )
+        evaluator = _Evaluation(people, evaluate_every, patience) if backend == "twin" else None
+        begun = resume and (kept or seeds == 1)
+        model, more = _train(loaded, own, backend, path, evaluator, begun, tensorboard, console)
         cards[one] = {**facts, **more}
         _write(model, loaded, path, cards[one])
-    _finish(loaded, paths, cards, episodes, console)
+    _finish(loaded, people, paths, cards, episodes, console)
 
 
-def _versions() -> dict[str, str]:
+@dataclass(frozen=True)
+class _Evaluation:
+    """What is asked of the evaluations in the course of training; see the options."""
+
+    people: "People"
+    every: int | None
+    patience: int | None
+
+
+def versions() -> dict[str, str]:
+    """Of what a policy was made with, by package."""
     return {name: version(name) for name in ("pace_drake", "drake", "stable-baselines3", "torch", "onnx", "numpy")}
 
 
@@ -170,8 +183,7 @@ def _train(
     settings: "PPOSettings",
     backend: Literal["twin", "diagram"],
     path: Path,
-    evaluate_every: int | None,
-    patience: int | None,
+    evaluation: "_Evaluation | None",
     resume: bool,
     tensorboard: Path | None,
     console: "Console",
@@ -183,20 +195,18 @@ def _train(
     from pace_drake.learning.evaluator import EPISODES as EVALUATED
     from pace_drake.learning.evaluator import EVALUATION_SEED, Evaluator
     from pace_drake.learning.ppo import train_ppo
-    from pace_drake.people import load_people
 
     columns = (TextColumn(f"PPO, seed {settings.seed}, decisions"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn(), TextColumn("{task.fields[cost]}"), console=console) as bar:
         rollout = settings.num_envs * settings.rollout
         item = bar.add_task("", total=-(-settings.steps // rollout) * rollout, cost="")
         evaluator = None
-        if backend == "twin":
-            every = evaluate_every or max(settings.steps // 10, 1)
+        if evaluation is not None:
             evaluator = Evaluator(
                 scenario,
-                load_people(scenario),
-                every,
-                patience,
+                evaluation.people,
+                evaluation.every or max(settings.steps // 10, 1),
+                evaluation.patience,
                 lambda _, cost: bar.update(item, cost=f"cost {cost:.2f} s"),
             )
         try:
@@ -236,6 +246,7 @@ def _write(model: "PPO", scenario: "Scenario", path: Path, card: dict[str, Any])
 
 def _finish(
     scenario: "Scenario",
+    people: "People",
     paths: Mapping[int, Path],
     cards: Mapping[int, dict[str, Any]],
     episodes: int | None,
@@ -245,9 +256,7 @@ def _finish(
     from rich.table import Table
 
     from pace_drake.learning.export import write_card
-    from pace_drake.people import load_people
 
-    people = load_people(scenario)
     results = dict(zip(paths, _scores(scenario, people, list(paths.values()), episodes), strict=True))
     for seed, path in paths.items():
         score = results[seed].to_json()
@@ -287,7 +296,7 @@ def _finish(
         console.print(line, highlight=False, soft_wrap=True, markup=False)
 
 
-def _scores(scenario: "Scenario", people: Any, paths: list[Path], episodes: int | None) -> "list[PolicyResult]":
+def _scores(scenario: "Scenario", people: "People", paths: list[Path], episodes: int | None) -> "list[PolicyResult]":
     import numpy as np
 
     from pace_drake.evaluate.agreement import check_by_diagram, play_in_diagram

@@ -7,8 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from gymnasium.spaces import Discrete
 from stable_baselines3 import PPO
+from stable_baselines3.common.policies import ActorCriticPolicy
 
+from pace_drake.envs.space import observation_space
+from pace_drake.errors import InputError
 from pace_drake.files import write_whole
 from pace_drake.learning.greedy import Scores
 from pace_drake.policies.learned import FORMAT, task_signature
@@ -60,6 +64,35 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
         raise RuntimeError(f"{path}: exported and trained policy differ by {np.abs(exported - trained).max()}")
     write_whole(path, lambda part: onnx.save(proto, str(part)))
     write_card(path, scenario, card)
+
+
+def read_agent(path: Path, scenario: Scenario) -> PPO:
+    """Reads a PPO agent, or an A2C agent with the same network, that Stable-Baselines3 saved. Its file is a pickle: only where the user trusts its maker.
+
+    Args:
+        path: of the .zip.
+        scenario: whose observations and actions it must have.
+
+    Raises:
+        InputError: the file cannot be read, or the agent is of other observations or actions.
+    """
+    try:
+        model = PPO.load(path, device="cpu")
+    except Exception as error:  # whatever its pickle raises
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: cannot be read as a PPO or A2C agent ({type(error).__name__}: {reason})") from error
+    if not isinstance(model.policy, ActorCriticPolicy):
+        raise InputError(f"{path}: a {type(model.policy).__name__}, which has no score for each action")
+    for name, own, needed in (
+        ("observations", model.observation_space, observation_space(scenario)),
+        ("actions", model.action_space, Discrete(2)),
+    ):
+        if own != needed:
+            raise InputError(
+                f"{path}: its {name} are {' '.join(str(own).split())}, those of the scenario {scenario.name}"
+                f" (observation: {scenario.observation}) are {' '.join(str(needed).split())}"
+            )
+    return model
 
 
 def write_card(path: Path, scenario: Scenario, card: dict) -> None:
