@@ -67,7 +67,9 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
 
 
 def read_agent(path: Path, scenario: Scenario) -> PPO:
-    """Reads a PPO agent, or an A2C agent with the same network, that Stable-Baselines3 saved. Its file is a pickle: only where the user trusts its maker.
+    """Reads a PPO agent, or an A2C agent with the same network, that Stable-Baselines3 saved.
+
+    Its file is a pickle: call this only where the user trusts its maker.
 
     Args:
         path: of the .zip.

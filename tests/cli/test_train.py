@@ -75,9 +75,12 @@ def test_a_file_that_plays_otherwise_in_the_diagram_is_reported(quick, tmp_path,
     from pace_drake.evaluate import agreement
 
     real = agreement.run_episode
-    monkeypatch.setattr(
-        agreement, "run_episode", lambda *a: replace(one := real(*a), human_idle=(one.human_idle[0] + 1e-5, 0, 0))
-    )
+
+    def another(*arguments):
+        one = real(*arguments)
+        return replace(one, human_idle=(one.human_idle[0] + 1e-5, *one.human_idle[1:]))
+
+    monkeypatch.setattr(agreement, "run_episode", another)
     from pace_drake.cli.main import main
 
     with pytest.raises(RuntimeError, match=r"human_idle: .* in the twin, .* in the diagram"):
@@ -170,6 +173,13 @@ def test_several_seeds(quick, tmp_path, monkeypatch, capsys):
     (tmp_path / "alone").mkdir()
     assert pace(*train(tmp_path / "alone", "--seed", 7)) == 0
     assert (tmp_path / "alone" / "policy.onnx").read_bytes() == (tmp_path / "policy-7.onnx").read_bytes()
+
+
+def test_what_other_settings_have_made_is_not_taken_for_done(quick, tmp_path):
+    assert pace(*train(tmp_path, "--seeds", 2)) == 0
+    assert pace(*train(tmp_path, "--seeds", 2, "--resume", "--steps", 1024)) == 0
+    for seed in (0, 1):
+        assert json.loads((tmp_path / f"policy-{seed}.json").read_text())["decisions"] == 1024
 
 
 def test_patience_ends_early(quick, tmp_path, monkeypatch):

@@ -2,7 +2,7 @@
 
 import os
 from copy import deepcopy
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -67,7 +67,8 @@ def test_what_determines_a_pool_gives_another_file(chair, chair_people, folder, 
     changed.task.human_actions[0].duration.mean += 1
     keys["task"] = module.pool_key(changed, chair_people, 6, 0)
     changed = deepcopy(chair_people)
-    changed.demonstrations[0].reverse()
+    first = changed.demonstrations[0][0]
+    changed.demonstrations[0][0] = replace(first, p_WH=first.p_WH + 1e-9)
     keys["people"] = module.pool_key(chair, changed, 6, 0)
     monkeypatch.setattr(module, "_MODULES", ("people", "task"))
     keys["program"] = module.pool_key(chair, chair_people, 6, 0)
