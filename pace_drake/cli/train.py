@@ -222,8 +222,11 @@ def _train(
             )
         except KeyboardInterrupt:
             kept = checkpoint_path(path)
-            raise KeyboardInterrupt(
+            what = (
                 f"{kept} is kept; the same command with --resume goes on" if kept.exists() else "nothing was kept yet"
+            )
+            raise KeyboardInterrupt(
+                what if backend == "twin" else "--backend diagram keeps no checkpoints: nothing was kept"
             ) from None
     more: dict[str, Any] = {"decisions": model.num_timesteps, "seeds": {"training": settings.seed}}
     if evaluator is not None and evaluator.best is not None:
