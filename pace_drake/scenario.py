@@ -2,6 +2,7 @@
 
 import traceback
 from dataclasses import dataclass, field
+from hashlib import sha256
 from math import inf, isfinite
 from pathlib import Path
 
@@ -183,6 +184,11 @@ class Scenario:
     def to_yaml(self) -> str:
         """The resolved scenario; ``load_scenario`` reads it back equal."""
         return yaml_dump_typed(self, schema=Scenario)
+
+
+def scenario_hash(scenario: Scenario) -> str:
+    """SHA-256 of the resolved scenario, in hexadecimal."""
+    return sha256(scenario.to_yaml().encode()).hexdigest()
 
 
 def scenario_names() -> list[str]:

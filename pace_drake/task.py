@@ -18,12 +18,15 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from math import isfinite, log
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from pace_drake.errors import require
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 
 class ActionKind(IntEnum):
@@ -209,12 +212,14 @@ class Task:
         """Preparation and homing of each joint action, in order."""
         return tuple(a.assistance for a in self.human_actions if a.assistance is not None)
 
-    def precedence(self) -> nx.DiGraph:
+    def precedence(self) -> "nx.DiGraph":
         """What must come before what: human actions in order, and preparation -> joint action -> homing.
 
         Returns:
             A directed acyclic graph; nodes are action names, with attribute ``agent`` in {human, robot, joint}.
         """
+        import networkx as nx  # 0.2 s, which most commands do not need
+
         graph = nx.DiGraph()
         for action in self.human_actions:
             graph.add_node(action.name, agent="joint" if action.joint else "human")

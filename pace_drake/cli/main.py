@@ -11,7 +11,22 @@ from pace_drake.errors import InputError
 class _Verbs(click.Group):
     """Imports a verb only when it is called: ``pace --help`` need not wait for Drake or torch."""
 
-    _modules = ("run", "train", "sweep", "thresholds", "timeline", "scenarios", "demos", "tune", "evaluate", "chart")
+    _modules = (
+        *("run", "train", "export", "sweep", "thresholds", "timeline"),
+        *("scenarios", "demos", "tune", "evaluate", "chart"),
+    )
+        "run",
+        "train",
+        "export",
+        "sweep",
+        "thresholds",
+        "timeline",
+        "scenarios",
+        "demos",
+        "tune",
+        "evaluate",
+        "chart",
+    )
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self._modules)

@@ -29,11 +29,11 @@ The reference of an action is one more trial, of the subject whose durations hav
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from pace_drake.demos.model import Demonstration, DemonstrationSet
 from pace_drake.errors import InputError
@@ -286,7 +286,7 @@ def _styles(seed: int, num_subjects: int, variety: float) -> list[_Style]:
     rngs = [np.random.default_rng((seed, 0, subject)) for subject in range(num_subjects)]
     # Tempos are the quantiles of their distribution in random order: five independent draws would often make
     # a group that is far from the paper's mean durations, or in which all people are alike.
-    quantiles = norm.ppf((np.random.default_rng((seed, 2)).permutation(num_subjects) + 0.5) / num_subjects)
+    quantiles = ndtri((np.random.default_rng((seed, 2)).permutation(num_subjects) + 0.5) / num_subjects)
     log_tempo = variety * _SUBJECT_TEMPO * quantiles
     return [
         _Style(
@@ -320,4 +320,6 @@ def _unsteadiness(num_samples: int, sample_period: float, rng: np.random.Generat
     decay = math.exp(-sample_period / _UNSTEADINESS_TIME)
     noise = rng.normal(0.0, _UNSTEADINESS, (num_samples, 3))
     noise[1:] *= math.sqrt(1.0 - decay**2)
-    return lfilter([1.0], [1.0, -decay], noise, axis=0)
+    # As scipy.signal.lfilter, whose import takes half a second.
+    axes = [list(accumulate(axis, lambda before, fresh: fresh + decay * before)) for axis in noise.T.tolist()]
+    return np.array(axes).T

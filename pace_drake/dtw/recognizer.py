@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 from scipy.special import log_softmax, softmax
 
 from pace_drake.dtw.estimator import number, samples
@@ -144,6 +143,8 @@ class ActionRecognizer:
 
         def log_loss(log_temperature: float) -> float:
             return -float(np.mean(log_softmax(-table / np.exp(log_temperature), axis=1)[np.arange(len(right)), right]))
+
+        from scipy.optimize import minimize_scalar  # 0.2 s, which is spent only where one is fitted
 
         best = minimize_scalar(log_loss, bounds=(-7.0, 12.0), method="bounded")
         references = {action: list(by_person.values()) for action, by_person in chosen.items()}

@@ -1,11 +1,21 @@
 """Pool: drawn durations, with what the estimators say of them, of which episodes of the twin are put together."""
 
-from dataclasses import dataclass
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 
 from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.filter import PhaseFilter
+from pace_drake.files import cache_folder, write_whole
+from pace_drake.observation import FUSED_SETS
 from pace_drake.people import People
 from pace_drake.scenario import Scenario
 from pace_drake.task import Episode
@@ -95,6 +105,9 @@ class Pool:
 #: Draws of each person in a pool, where people differ.
 _DRAWS_EACH = 8
 
+#: How many files ``cached_pool`` keeps, those last used.
+MAX_CACHED = 20
+
 
 def make_pool(
     scenario: Scenario,
@@ -183,3 +196,91 @@ def exact_phases(scenario: Scenario, people: People, duration: np.ndarray, demon
     shape = duration.shape
     start_index = np.concatenate([[0], np.cumsum(length)[:-1]])
     return Phases(np.concatenate(found), start_index.reshape(shape), length.reshape(shape), before)
+
+
+def cached_pool(scenario: Scenario, people: People, size: int, seed: int | Sequence[int]) -> Pool:
+    """The pool that ``make_pool`` draws with a generator of this seed, kept in the user's cache.
+
+    A file is found by the hash of all that determines it, this program's text included; one that is damaged is made
+    again, with a warning. The ``MAX_CACHED`` last used are kept.
+
+    Args:
+        scenario: a validated scenario.
+        people: of the scenario.
+        size: see ``make_pool``.
+        seed: of all draws.
+    """
+    key = pool_key(scenario, people, size, seed)
+    path = cache_folder("pools") / f"pool_{key[:24]}.npz"
+    try:
+        pool = _read_pool(path, key)
+        os.utime(path)  # used last
+        return pool
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        warnings.warn(f"{path}: damaged ({error}), the pool is made again", stacklevel=2)
+    pool = make_pool(scenario, people, size, np.random.default_rng(seed))
+    try:
+        write_whole(path, lambda part: _write_pool(part, pool, key))
+        kept = sorted(path.parent.glob("pool_*.npz"), key=lambda file: file.stat().st_mtime_ns)
+        for old in kept[:-MAX_CACHED]:
+            old.unlink(missing_ok=True)
+    except OSError as error:  # a full disk, or another process that tidies up
+        warnings.warn(f"{path}: the pool cannot be kept ({error.strerror})", stacklevel=2)
+    return pool
+
+
+def pool_key(scenario: Scenario, people: People, size: int, seed: int | Sequence[int]) -> str:
+    """Hash of all that determines the pool of ``cached_pool``: equal keys, equal pools."""
+    package = Path(__file__).resolve().parents[1]
+    texts = (*sorted((package / "dtw").glob("*.py")), *(package / f"{name}.py" for name in _MODULES))
+    content = {
+        "task": asdict(scenario.task),
+        "estimator": {name: asdict(config) for name, config in scenario.estimator.items()},
+        "estimator_file": sha256(scenario.resolve(scenario.estimator_file).read_bytes()).hexdigest()
+        if scenario.estimator_file
+        else "",
+        "fused": scenario.observation in FUSED_SETS,
+        "sample_period": scenario.human.sample_period,
+        "pace_correlation": scenario.human.pace_correlation,
+        "rescale": people.rescale,
+        "size": size,
+        "seed": np.asarray(seed).tolist(),
+        "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
+        "program": [sha256(path.read_bytes()).hexdigest() for path in texts],
+    }
+    digest = sha256(json.dumps(content, sort_keys=True).encode())
+    for group in (*people.demonstrations, [d for d in people.references if d is not None], *people.training):
+        digest.update(b"group")
+        for d in group:
+            about = [d.action, d.subject, d.trial, d.sample_period, d.num_samples]
+            digest.update(json.dumps(about).encode() + d.p_WH.tobytes())
+    return digest.hexdigest()
+
+
+#: The modules beside ``dtw`` whose text determines a pool.
+_MODULES = ("people", "task", "envs/pool", "demos/model")
+_PHASES, _ARRAYS = (
+    [field.name for field in fields(Phases)],
+    ["human", "demonstration", "robot", "preparation", "homing"],
+)
+
+
+def _write_pool(path: Path, pool: Pool, key: str) -> None:
+    arrays = {name: getattr(pool, name) for name in _ARRAYS}
+    arrays |= {f"phases_{name}": getattr(pool.phases, name) for name in _PHASES}
+    np.savez(path, allow_pickle=False, about=np.array(json.dumps({"key": key, "people": pool.num_people})), **arrays)
+
+
+def _read_pool(path: Path, key: str) -> Pool:
+    with np.load(path, allow_pickle=False) as file:  # checks the sum of every array
+        about = json.loads(str(file["about"]))
+        if about["key"] != key:
+            raise ValueError("it is another pool")
+        phases = Phases(**{name: file[f"phases_{name}"] for name in _PHASES})
+        pool = Pool(num_people=int(about["people"]), phases=phases, **{name: file[name] for name in _ARRAYS})
+    # The compiled kernel looks up without asking.
+    if not (phases.start >= 0).all() or not (phases.start + phases.length <= len(phases.values)).all():
+        raise ValueError("its phases are not where it says")
+    return pool

@@ -10,6 +10,8 @@ computed once, by the estimator of the scenario itself, and looked up by the num
 ``Pool`` holds such pairs; episodes are put together from them. The phase of another duration is never taken instead.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from numba import set_num_threads
 
@@ -24,6 +26,9 @@ from pace_drake.statechart import compile_chart, load_chart
 _COLUMNS = {
     name: [0, 1, 2, *((4, 5, 6, 7) if name in FUSED_SETS else (3,))][:size] for name, size in OBSERVATION_SETS.items()
 }
+
+#: The arrays of ``AssemblyTwin.snapshot``.
+_STATE = ("_state", "_parts", "time", "seen", "robot_idle", "human_idle", "status")
 
 
 class AssemblyTwin:
@@ -147,6 +152,25 @@ class AssemblyTwin:
             env = int(envs[np.argmax(self.status[envs] != DECISION)])
             raise RuntimeError(f"environment {env} is not at a decision; start it")
         self._advance(envs, answers)
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Copies of all arrays in which this twin differs from a new one of the same scenario, pool and size."""
+        return {name: getattr(self, name).copy() for name in _STATE}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes back to a ``snapshot``, of this twin or of one like it.
+
+        Raises:
+            ValueError: the arrays are of another twin.
+        """
+        for name in _STATE:
+            own, given = getattr(self, name), arrays[name]
+            if (own.shape, own.dtype) != (given.shape, given.dtype):
+                raise ValueError(f"{name}: is {given.shape} of {given.dtype}, not {own.shape} of {own.dtype}")
+        if not ((arrays["_parts"] >= 0) & (arrays["_parts"] < self.pool.human.shape[1])).all():
+            raise ValueError("_parts: not of this pool")  # the compiled kernel looks up without asking
+        for name in _STATE:
+            getattr(self, name)[:] = arrays[name]
 
     def _advance(self, envs: np.ndarray, answers: np.ndarray) -> None:
         if self.num_threads > 1:

@@ -1,5 +1,6 @@
 """PaceAssemblyVectorEnv: the compiled twin as a Gymnasium vector environment."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -87,6 +88,21 @@ class PaceAssemblyVectorEnv(VectorEnv):
         else:
             self._cost = cost
         return self._observation(), rewards, terminated, truncated, infos
+
+    def snapshot(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """(arrays, plain data) that determine all that follows; for ``restore``."""
+        arrays = {**self.twin.snapshot(), "_cost": self._cost.copy(), "_steps": self._steps.copy()}
+        return arrays, {"np_random": self.np_random.bit_generator.state}
+
+    def restore(self, arrays: Mapping[str, np.ndarray], data: Mapping[str, Any]) -> None:
+        """Goes back to a ``snapshot``, of this environment or of one like it.
+
+        Raises:
+            KeyError, ValueError: it is of another environment.
+        """
+        self.twin.restore(arrays)
+        self._cost[:], self._steps[:] = arrays["_cost"], arrays["_steps"]
+        self.np_random.bit_generator.state = data["np_random"]
 
     def _start(self, envs: np.ndarray, parts: np.ndarray | None) -> None:
         self.twin.start(envs, self.twin.pool.sample(len(envs), self.np_random) if parts is None else parts)

@@ -123,10 +123,23 @@ def evaluate_policies(
     pool = make_pool(scenario, people, POOL_SIZE, rng)
     parts = pool.sample(episodes, rng)
     twin = AssemblyTwin(scenario, pool, episodes)
+    return play_policies(twin, parts, policies), float(clairvoyant_costs(twin, parts).mean())
+
+
+def play_policies(twin: AssemblyTwin, parts: np.ndarray, policies: Mapping[str, Policy]) -> list[PolicyResult]:
+    """Plays every policy on the same episodes.
+
+    Args:
+        twin: with as many environments as episodes.
+        parts: (E, N + 3) rows of its pool's ``sample``, at least 2.
+        policies: by name; the first is what savings are counted from.
+
+    Raises:
+        RuntimeError: a policy gives no answer where the twin needs one.
+    """
     played = play_all(twin, parts, {name: partial(play, policy=policy) for name, policy in policies.items()})
     first = next(iter(played.values()))
-    results = [summarize(name, one, first) for name, one in played.items()]
-    return results, float(clairvoyant_costs(twin, parts).mean())
+    return [summarize(name, one, first) for name, one in played.items()]
 
 
 def play_all(twin: AssemblyTwin, parts: np.ndarray, players: Mapping[str, Player]) -> dict[str, Played]:

@@ -1,24 +1,27 @@
 """PPO (Schulman et al. 2017) on the compiled twin, or through the Drake adapter with few decisions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
 
 import gymnasium as gym
-import numpy as np
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
-from pace_drake.envs.assembly_env import PaceAssemblyEnv
-from pace_drake.envs.pool import make_pool
+from pace_drake.envs.pool import cached_pool, pool_key
 from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
+from pace_drake.learning.checkpoint import CheckpointWriter, checkpoint_path, read_checkpoint
+from pace_drake.learning.evaluator import Evaluator
 from pace_drake.learning.features import AssemblyFeatures
 from pace_drake.learning.vec_env import TwinVecEnv
 from pace_drake.people import load_people
-from pace_drake.scenario import Scenario
+from pace_drake.scenario import Scenario, scenario_hash
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +59,8 @@ TWIN_SETTINGS = PPOSettings(
 )
 #: (demonstration, duration) pairs of each human action in the twin's pool.
 POOL_SIZE = 512
+#: How many checkpoints a training on the twin writes, about.
+NUM_CHECKPOINTS = 10
 
 Backend = Literal["twin", "diagram"]
 
@@ -75,6 +80,13 @@ def train_ppo(
     settings: PPOSettings,
     progress: Callable[[int], None] = lambda _steps: None,
     backend: Backend = "diagram",
+    *,
+    evaluator: Evaluator | None = None,
+    policy_file: Path | None = None,
+    checkpoint_every: int | None = None,
+    resume: bool = False,
+    tensorboard: Path | None = None,
+    callbacks: Sequence[BaseCallback] = (),
 ) -> PPO:
     """Trains a policy.
 
@@ -85,10 +97,26 @@ def train_ppo(
         settings: all random numbers follow from ``settings.seed``.
         progress: called with the number of decisions so far.
         backend: the compiled twin (settings such as ``TWIN_SETTINGS``), or the diagram.
+        evaluator: evaluates in the course of training, and may end it; the best parameters are returned.
+        policy_file: where the policy will be. On the twin, checkpoints are written beside it, which stay
+            (``remove_checkpoint``). None: no checkpoints.
+        checkpoint_every: updates from one to the next; None: about a tenth of all.
+        resume: go on from the checkpoint; the outcome is, bit by bit, that of a training that was not interrupted.
+        tensorboard: folder for TensorBoard's logs; None: none.
+        callbacks: more of SB3's.
+
+    Raises:
+        InputError: the checkpoint cannot be gone on from, or the scenario cannot be trained on the twin.
     """
     torch.set_num_threads(1)  # networks this small lose time to a second thread
-
-    envs = _twin(scenario, settings) if backend == "twin" else _diagram(scenario, settings)
+    identity: dict[str, Any] = {}
+    if backend == "twin":
+        envs, identity = _twin(scenario, settings)
+    else:
+        envs = _diagram(scenario, settings)
+    path = None if policy_file is None or backend == "diagram" else checkpoint_path(policy_file)
+    # Before anything is trained: it may be refused.
+    checkpoint = read_checkpoint(path, identity) if resume and path is not None else None
     model = PPO(
         "MlpPolicy",
         envs,
@@ -104,21 +132,53 @@ def train_ppo(
             "features_extractor_kwargs": {"task": scenario.task},
             "net_arch": [settings.hidden, settings.hidden],
         },
+        tensorboard_log=None if tensorboard is None else str(tensorboard),
         seed=settings.seed,
         device="cpu",
     )
-    return model.learn(settings.steps, callback=_Progress(progress))
+    every: list[BaseCallback] = [_Progress(progress)]
+    if evaluator is not None:
+        every.append(evaluator)
+    if path is not None:
+        updates = -(-settings.steps // (settings.num_envs * settings.rollout))
+        each = checkpoint_every or -(-updates // NUM_CHECKPOINTS)
+        every.append(CheckpointWriter(path, identity, each, evaluator))
+    every += callbacks
+    if checkpoint is not None:
+        checkpoint.restore(model, evaluator)
+    model.learn(
+        settings.steps - model.num_timesteps,
+        callback=CallbackList(every),
+        tb_log_name=f"seed-{settings.seed}" if policy_file is None else policy_file.stem,
+        reset_num_timesteps=checkpoint is None,
+    )
+    if evaluator is not None:
+        evaluator.restore_best()
+    return model
 
 
-def _twin(scenario: Scenario, settings: PPOSettings) -> VecEnv:
+def _twin(scenario: Scenario, settings: PPOSettings) -> tuple[VecEnv, dict[str, Any]]:
+    """The environments, and what makes this training what it is, by name."""
     trained = deepcopy(scenario)
     trained.human.split = "train"
-    pool = make_pool(trained, load_people(trained), POOL_SIZE, np.random.default_rng([settings.seed, 1]))
+    people, seed = load_people(trained), [settings.seed, 1]
+    pool = cached_pool(trained, people, POOL_SIZE, seed)
     envs = PaceAssemblyVectorEnv(trained, settings.num_envs, pool)
-    return TwinVecEnv(envs, settings.seed, settings.reward_scale)
+    packages = ("pace_drake", "stable-baselines3", "torch", "numpy")
+    identity = {
+        "version": ", ".join(f"{name} {version(name)}" for name in packages),
+        "observation set": scenario.observation,
+        "scenario": f"{scenario.name} {scenario_hash(scenario)[:12]}",
+        **asdict(settings),
+        "chart": sha256(scenario.chart_path().read_bytes()).hexdigest()[:12],
+        "pool": pool_key(trained, people, POOL_SIZE, seed)[:12],
+    }
+    return TwinVecEnv(envs, settings.seed, settings.reward_scale), identity
 
 
 def _diagram(scenario: Scenario, settings: PPOSettings) -> VecEnv:
+    from pace_drake.envs.assembly_env import PaceAssemblyEnv  # Drake's diagram, which the twin does without
+
     def make() -> gym.Env:
         env = PaceAssemblyEnv(scenario, split="train")
         return gym.wrappers.TransformReward(env, lambda reward: settings.reward_scale * float(reward))

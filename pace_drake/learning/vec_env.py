@@ -17,18 +17,21 @@ class TwinVecEnv(VecEnv):
         envs: the twin.
         seed: of all draws.
         reward_scale: rewards are multiplied by it.
+
+    Attributes:
+        envs: the twin; its ``snapshot`` is this object's, too.
     """
 
     def __init__(self, envs: PaceAssemblyVectorEnv, seed: int = 0, reward_scale: float = 1.0) -> None:
         # The base class asks for attributes at once.
-        self._envs, self._seed, self._scale = envs, seed, reward_scale
+        self.envs, self._seed, self._scale = envs, seed, reward_scale
         self.num_envs = envs.num_envs
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self._actions = np.zeros(envs.num_envs)
 
     def reset(self) -> np.ndarray:
         """Starts an episode everywhere; every call draws the same ones."""
-        return self._envs.reset(seed=self._seed)[0]
+        return self.envs.reset(seed=self._seed)[0]
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keeps the actions for ``step_wait``."""
@@ -36,7 +39,7 @@ class TwinVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Carries out one decision in each environment; those that end begin anew."""
-        observation, rewards, terminated, truncated, infos = self._envs.step(self._actions)
+        observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         each: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         done = terminated | truncated
         for env in np.flatnonzero(done):
@@ -52,7 +55,7 @@ class TwinVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The same for all; None where the twin has no such attribute, as it has no single environments."""
-        return [getattr(self._envs, attr_name, None)] * len(self._indices(indices))
+        return [getattr(self.envs, attr_name, None)] * len(self._indices(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Not possible: the environments are one."""

@@ -42,6 +42,11 @@ def make_policy(name: str, scenario: Scenario, any_observation: bool = False) ->
     seen = None if any_observation else scenario.observation
     if name.endswith(".onnx"):
         return LearnedPolicy(name, task, seen)
+    if name.endswith(".zip"):
+        raise InputError(
+            f"{name}: a file of Stable-Baselines3 holds a pickle and is not read here; make a policy file of it, once:"
+            f" pace export {name} --trust-pickle -o {Path(name).stem}.onnx"
+        )
     key = name.strip().lower().replace("-", "_").replace(" ", "_")
     matches = [policy for policy in POLICIES if key and policy.startswith(key)]
     if len(matches) != 1:

@@ -84,5 +84,17 @@ class LearnedPolicy(Policy):
         usable = np.isfinite(observations).all(axis=1)
         seen = np.where(usable[:, np.newaxis], observations, 1.0).astype(np.float32)
         (scores,) = self._session.run(["scores"], {"observation": seen})
-        assist = (scores[:, 1] > scores[:, 0]) | person_waits(seen, self._joint)
-        return np.where(usable & np.isfinite(scores).all(axis=1), assist, -1).astype(int)
+        return guarded(scores, observations, self._joint)
+
+
+def guarded(scores: np.ndarray, observations: np.ndarray, joint: frozenset[int]) -> np.ndarray:
+    """(n,) answers to scores (n, 2) of a network, with the two rules of ``LearnedPolicy``.
+
+    Args:
+        scores: of going on and of assisting.
+        observations: (n, D) what was observed.
+        joint: see ``rules.joint_actions``.
+    """
+    usable = np.isfinite(observations).all(axis=1) & np.isfinite(scores).all(axis=1)
+    assist = (scores[:, 1] > scores[:, 0]) | person_waits(observations, joint)
+    return np.where(usable, assist, -1).astype(int)
