@@ -15,18 +15,6 @@ class _Verbs(click.Group):
         *("run", "train", "export", "sweep", "thresholds", "timeline"),
         *("scenarios", "demos", "tune", "evaluate", "chart"),
     )
-        "run",
-        "train",
-        "export",
-        "sweep",
-        "thresholds",
-        "timeline",
-        "scenarios",
-        "demos",
-        "tune",
-        "evaluate",
-        "chart",
-    )
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self._modules)
