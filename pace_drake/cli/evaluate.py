@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pace_drake.cli.evaluate_policy import policy
+from pace_drake.cli.evaluate_sensitivity import sensitivity
 from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
 from pace_drake.errors import InputError
@@ -74,3 +75,4 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
 
 
 command.add_command(policy)
+command.add_command(sensitivity)

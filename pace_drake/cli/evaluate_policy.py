@@ -83,7 +83,7 @@ def policy(
         if worlds is None:
             comparison = _given(loaded, names, episodes, seed, report)
         else:
-            comparison = _redrawn(loaded, names, episodes, seed, worlds, _trainer(steps), report)
+            comparison = _redrawn(loaded, names, episodes, seed, worlds, trainer(steps), report)
         report("simulating studies with participants")
         study, powers = studies(comparison)
     console.print(comparison.people, markup=False, highlight=False, soft_wrap=True)
@@ -148,14 +148,19 @@ def _comparison(scenario: "Scenario", results: "list[WorldResult]", seed: int) -
     return Comparison(title, people, synthetic, results, seed, cv)
 
 
-def _trainer(steps: int | None) -> "Train":
+def trainer(steps: int | None) -> "Train":
+    """Trains policies as ``pace train`` does, for so many decisions.
+
+    Raises:
+        InputError: the extra ``train`` is not installed.
+    """
     from dataclasses import replace
 
     try:
         from pace_drake.learning.greedy import GreedyPolicy
         from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo
     except ModuleNotFoundError as error:
-        raise InputError(f"--worlds trains policies and needs {error.name}: pip install 'pace_drake[train]'") from error
+        raise InputError(f"this trains policies and needs {error.name}: pip install 'pace_drake[train]'") from error
     settings = TWIN_SETTINGS if steps is None else replace(TWIN_SETTINGS, steps=steps)
 
     def train(scenario: "Scenario", seed: int) -> GreedyPolicy:

@@ -38,7 +38,7 @@ CHECKED = 5
 @click.option(
     "--steps",
     type=click.IntRange(min=1),
-    help="Decisions to train on; default 1,000,000 with the twin, 20,000 with the diagram.",
+    help="Decisions to train on; default 300,000 with the twin, 20,000 with the diagram.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
 @click.option(

@@ -22,7 +22,7 @@ from pace_drake.evaluate.phase import (
     Evaluation,
     example,
 )
-from pace_drake.evaluate.report import Table, html_page
+from pace_drake.evaluate.report import Table, html_page, new_figure
 from pace_drake.files import write_whole
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def draw_phases(path: Path, evaluation: Evaluation) -> None:
     from matplotlib import colormaps
 
     num = len(evaluation.fitted)
-    figure = _figure(11.0, 2.1 * num + 1.2)
+    figure = new_figure(11.0, 2.1 * num + 1.2)
     axes = figure.subplots(num, 2, squeeze=False, width_ratios=(2, 3))
     for one, (left, right) in zip(evaluation.fitted, axes, strict=True):
         signal, estimates = example(one)
@@ -172,7 +172,7 @@ def draw_phases(path: Path, evaluation: Evaluation) -> None:
 
 def draw_errors(path: Path, evaluation: Evaluation) -> None:
     """Draws the phase's errors by part, and the remaining time's error by fraction of the action."""
-    figure = _figure(11.0, 4.4)
+    figure = new_figure(11.0, 4.4)
     dots, lines = figure.subplots(1, 2)
     for part, colour, marker in zip(PARTS, _PART_COLOURS, "so^", strict=True):
         means = [evaluation.mean(name, part) for name in ESTIMATORS]
@@ -203,15 +203,6 @@ def draw_errors(path: Path, evaluation: Evaluation) -> None:
     dots.legend(fontsize=8)
     lines.legend(fontsize=8, handlelength=4, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     _save(figure, path, evaluation, "mean of the actions")
-
-
-def _figure(width: float, height: float) -> "Figure":
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _save(figure: "Figure", path: Path, evaluation: Evaluation, what: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pace_drake.evaluate.participants import NUM_PARTICIPANTS, NUM_TRIALS, SIZES, Participants, Study
 from pace_drake.evaluate.policy_table import PAPER_NOTE, PAPER_TABLE_I, Row, rows_of
-from pace_drake.evaluate.report import Table, html_page
+from pace_drake.evaluate.report import Table, html_page, new_figure
 from pace_drake.evaluate.worlds import (
     CLAIRVOYANT,
     EXPLICIT,
@@ -336,15 +336,6 @@ def _write_csv(comparison: Comparison, path: Path) -> None:
         writer.writerows(flat)
 
 
-def _figure(width: float, height: float) -> "Figure":
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def _label(comparison: Comparison) -> str:
     return f"{'SYNTHETIC people, ' * comparison.synthetic}{SPLIT_NAMES[comparison.main]}"
 
@@ -352,7 +343,7 @@ def _label(comparison: Comparison) -> str:
 def _draw_idle(comparison: Comparison) -> "Figure":
     """Cost of each policy, as robot idle and weighted human idle."""
     rows = [row for row in comparison.rows() if row.policy not in ("never assist", EXPLICIT, CLAIRVOYANT)]
-    figure = _figure(9, 0.42 * len(rows) + 1.6)
+    figure = new_figure(9, 0.42 * len(rows) + 1.6)
     ax = figure.subplots()
     at = np.arange(len(rows))[::-1]
     robot = np.array([row.robot_idle_total for row in rows])
@@ -380,7 +371,7 @@ def _draw_worlds(comparison: Comparison) -> "Figure":
         for name in ("remaining time threshold", FITTED, *(ppo_name(o) for o in ("paper", "fused", "history")), PERFECT)
         if name in comparison.results[0].played[split]
     ]
-    figure = _figure(9, 3.6)
+    figure = new_figure(9, 3.6)
     ax = figure.subplots()
     markers = dict(zip(names, "vsoD^*", strict=False))
     colours = ("#999999", "#56B4E9", "#0072B2", "#CC79A7", "#D55E00", "#009E73")

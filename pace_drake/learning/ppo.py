@@ -48,14 +48,14 @@ class PPOSettings:
 
 #: For the twin, where decisions cost next to nothing and the network's updates are what takes time.
 TWIN_SETTINGS = PPOSettings(
-    steps=1_000_000,
+    steps=300_000,
     num_envs=256,
     rollout=16,
     batch_size=1024,
     epochs=5,
-    learning_rate=5e-3,
-    hidden=64,
-    entropy=0.02,
+    learning_rate=1e-2,
+    hidden=32,
+    entropy=0.01,
 )
 #: (demonstration, duration) pairs of each human action in the twin's pool.
 POOL_SIZE = 512

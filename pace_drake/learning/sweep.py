@@ -100,7 +100,7 @@ class Sweep:
     """Named sets of overrides: dotted keys of the scenario, and values."""
     overrides: list[str] = field(default_factory=list)
     """``key=value`` for all tasks; the grid's own values come after them."""
-    steps: int = 1_000_000
+    steps: int = 300_000
     """Decisions to train on."""
     episodes: int = 2000
     """To evaluate on, of each split."""
