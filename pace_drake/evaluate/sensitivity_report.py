@@ -123,38 +123,15 @@ def write_report(folder: Path, sensitivity: Sensitivity, command_line: str) -> N
 def _write_csv(sensitivity: Sensitivity, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(
-            [
-                "group",
-                "value",
-                "label",
-                "phase_rmse",
-                "policy",
-                "robot_idle",
-                "human_idle",
-                "cost",
-                "cost_low",
-                "cost_high",
-            ]
-        )
+        known = ["group", "value", "label", "phase_rmse", "policy"]
+        writer.writerow([*known, "robot_idle", "human_idle", "cost", "cost_low", "cost_high"])
         for result in (*sensitivity.lambdas, *sensitivity.others):
             rmse = float(np.mean([r.phase_rmse["unseen"] for r in result.results]))
             for name in SHOWN:
-                row = result.row(name)
-                case = result.case
-                writer.writerow(
-                    [
-                        case.group,
-                        case.value,
-                        case.label,
-                        rmse,
-                        name,
-                        row.robot_idle_total,
-                        row.human_idle_total,
-                        row.cost,
-                    ]
-                    + list(row.cost_interval)
-                )
+                row, case = result.row(name), result.case
+                idle = row.robot_idle_total, row.human_idle_total
+                about = case.group, case.value, case.label, rmse, name
+                writer.writerow([*about, *idle, row.cost, *row.cost_interval])
 
 
 _COLOURS = dict(zip(SHOWN, ("black", "#999999", "#0072B2", "#D55E00", "#56B4E9", "#009E73"), strict=True))
