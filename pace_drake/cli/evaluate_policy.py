@@ -2,16 +2,20 @@
 
 import json
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from pace_drake.cli.tables import rich_table
+from pace_drake.cli.tune import jobs_option
 from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from pace_drake.evaluate.policy_report import Comparison
     from pace_drake.evaluate.worlds import Train, WorldResult
     from pace_drake.scenario import Scenario
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="With --worlds: decisions that each policy is trained on; default as pace train.",
 )
+@jobs_option
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
 @click.option(
     "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write all figures there too."
@@ -49,6 +54,7 @@ def policy(
     seed: int,
     worlds: int | None,
     steps: int | None,
+    jobs: int,
     overrides: tuple[str, ...],
     json_file: Path | None,
     out: Path | None,
@@ -68,6 +74,7 @@ def policy(
         raise InputError("--steps: policies are trained with --worlds only")
 
     from pace_drake.evaluate.policy_report import studies, tables, to_json, write_report
+    from pace_drake.evaluate.worlds import WorldTask, evaluate_worlds
     from pace_drake.files import write_whole
     from pace_drake.scenario import load_scenario
 
@@ -75,16 +82,15 @@ def policy(
     console = Console()
     if not console.is_terminal:
         console = Console(width=200)
-    with console.status("") as status:
-
-        def report(what: str) -> None:
-            status.update(what)
-
-        if worlds is None:
-            comparison = _given(loaded, names, episodes, seed, report)
-        else:
-            comparison = _redrawn(loaded, names, episodes, seed, worlds, trainer(steps), report)
-        report("simulating studies with participants")
+    if worlds is None:
+        with console.status("playing"):
+            comparison = _given(loaded, names, episodes, seed)
+    else:
+        train = trainer(steps)
+        with worlds_bar(console, worlds) as done:
+            tasks = [WorldTask(loaded, world, episodes, train, given=names) for world in range(seed, seed + worlds)]
+            comparison = _comparison(loaded, evaluate_worlds(tasks, jobs, done), seed)
+    with console.status("simulating studies with participants"):
         study, powers = studies(comparison)
     console.print(comparison.people, markup=False, highlight=False, soft_wrap=True)
     for table in tables(comparison, study, powers):
@@ -101,35 +107,13 @@ def policy(
         console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)
 
 
-def _given(
-    scenario: "Scenario", names: tuple[str, ...], episodes: int, seed: int, report: Callable[[str], None]
-) -> "Comparison":
+def _given(scenario: "Scenario", names: tuple[str, ...], episodes: int, seed: int) -> "Comparison":
     from pace_drake.evaluate.worlds import evaluate_given
     from pace_drake.policies.factory import POLICIES, make_policy
 
     chosen = names or tuple(name for name in POLICIES if name != "never_assist")
     policies = {Path(n).name.replace("_", " "): make_policy(n, scenario, any_observation=True) for n in chosen}
-    return _comparison(scenario, [evaluate_given(scenario, policies, seed, episodes, report)], seed)
-
-
-def _redrawn(
-    scenario: "Scenario",
-    names: tuple[str, ...],
-    episodes: int,
-    seed: int,
-    worlds: int,
-    train: "Train",
-    report: Callable[[str], None],
-) -> "Comparison":
-    from pace_drake.evaluate.worlds import evaluate_world
-    from pace_drake.policies.factory import make_policy
-
-    extra = {f"given: {Path(n).name}": make_policy(n, scenario, any_observation=True) for n in names}
-    results = [
-        evaluate_world(scenario, world, episodes, train, extra=extra, report=report)
-        for world in range(seed, seed + worlds)
-    ]
-    return _comparison(scenario, results, seed)
+    return _comparison(scenario, [evaluate_given(scenario, policies, seed, episodes)], seed)
 
 
 def _comparison(scenario: "Scenario", results: "list[WorldResult]", seed: int) -> "Comparison":
@@ -157,16 +141,21 @@ def trainer(steps: int | None) -> "Train":
     from dataclasses import replace
 
     try:
-        from pace_drake.learning.greedy import GreedyPolicy
-        from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo
+        from pace_drake.learning.ppo import TWIN_SETTINGS, Trainer
     except ModuleNotFoundError as error:
         raise InputError(f"this trains policies and needs {error.name}: pip install 'pace_drake[train]'") from error
-    settings = TWIN_SETTINGS if steps is None else replace(TWIN_SETTINGS, steps=steps)
+    return Trainer(TWIN_SETTINGS if steps is None else replace(TWIN_SETTINGS, steps=steps))
 
-    def train(scenario: "Scenario", seed: int) -> GreedyPolicy:
-        return GreedyPolicy(train_ppo(scenario, replace(settings, seed=seed), backend="twin"), scenario)
 
-    return train
+@contextmanager
+def worlds_bar(console: "Console", total: int) -> "Iterator[Callable[[int], None]]":
+    """A progress bar over worlds."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("worlds of people"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as bar:
+        item = bar.add_task("", total=total)
+        yield lambda done: bar.update(item, completed=done)
 
 
 def _command_line(

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
-from pace_drake.cli.evaluate_policy import trainer
+from pace_drake.cli.evaluate_policy import trainer, worlds_bar
 from pace_drake.cli.tables import rich_table
+from pace_drake.cli.tune import jobs_option
 from pace_drake.errors import InputError
 
 
@@ -22,6 +23,7 @@ from pace_drake.errors import InputError
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the first world.")
 @click.option("--worlds", type=click.IntRange(min=1), default=1, show_default=True, help="How many worlds of people.")
 @click.option("--steps", type=click.IntRange(min=1), help="Decisions to train on; default as pace train.")
+@jobs_option
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
 @click.option(
     "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write all figures there too."
@@ -34,6 +36,7 @@ def sensitivity(
     seed: int,
     worlds: int,
     steps: int | None,
+    jobs: int,
     overrides: tuple[str, ...],
     json_file: Path | None,
     out: Path | None,
@@ -58,10 +61,10 @@ def sensitivity(
     console = Console()
     if not console.is_terminal:
         console = Console(width=200)
-    with console.status("") as status:
-        lambdas = [] if only == "cases" else lambda_cases()
-        others = [] if only == "lambda" else other_cases(loaded)
-        found = evaluate_cases(loaded, [*lambdas, *others], seeds, episodes, train, status.update)
+    lambdas = [] if only == "cases" else lambda_cases()
+    others = [] if only == "lambda" else other_cases(loaded)
+    with worlds_bar(console, (len(lambdas) + len(others)) * worlds) as done:
+        found = evaluate_cases(loaded, [*lambdas, *others], seeds, episodes, train, jobs, done)
     result = Sensitivity(loaded.name, found[: len(lambdas)], found[len(lambdas) :])
     for table in tables(result):
         console.print(rich_table(table))

@@ -82,7 +82,7 @@ class Participants:
 
     def study(self, participants: int, trials: int, rng: np.random.Generator) -> Study:
         """One study and its tests."""
-        return tests_of(self.draw(participants, trials, rng), trials)
+        return study_of(self.draw(participants, trials, rng), trials)
 
     def power(
         self, first: str, second: str, participants: int, trials: int, studies: int, rng: np.random.Generator
@@ -99,7 +99,7 @@ class Participants:
         return found / studies
 
 
-def tests_of(costs: Mapping[str, np.ndarray], trials: int) -> Study:
+def study_of(costs: Mapping[str, np.ndarray], trials: int) -> Study:
     """The tests of a study.
 
     Args:

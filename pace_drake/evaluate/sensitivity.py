@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 
 from pace_drake.evaluate.policy_table import Row, rows_of
-from pace_drake.evaluate.worlds import Train, WorldResult, evaluate_world
+from pace_drake.evaluate.worlds import Train, WorldResult, WorldTask, evaluate_worlds
 from pace_drake.scenario import Scenario
 
 LAMBDAS = (0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
@@ -122,7 +122,8 @@ def evaluate_cases(
     worlds: Sequence[int],
     episodes: int,
     train: Train,
-    report: Callable[[str], None] = lambda _what: None,
+    jobs: int = 1,
+    done: Callable[[int], None] = lambda _number: None,
 ) -> list[CaseResult]:
     """Evaluates worlds in every case, with unseen people.
 
@@ -131,24 +132,21 @@ def evaluate_cases(
         cases: which changes.
         worlds: their seeds.
         episodes: per world and policy.
-        train: see ``evaluate_world``.
-        report: told what is being done.
+        train, jobs, done: see ``worlds``; ``done`` counts worlds of all cases.
     """
-    found = []
-    for case in cases:
-        changed = case.scenario(scenario)
-        results = [
-            evaluate_world(
-                changed,
-                seed,
-                episodes,
-                train,
-                OBSERVATIONS,
-                report=lambda what, case=case: report(f"{case.label}, {what}"),  # type: ignore[misc]
-                splits=("unseen",),
-                phase_error=case.phase_error,
-            )
-            for seed in worlds
-        ]
-        found.append(CaseResult(case, results))
-    return found
+    tasks = [
+        WorldTask(
+            case.scenario(scenario),
+            seed,
+            episodes,
+            train,
+            OBSERVATIONS,
+            splits=("unseen",),
+            phase_error=case.phase_error,
+        )
+        for case in cases
+        for seed in worlds
+    ]
+    results = evaluate_worlds(tasks, jobs, done)
+    each = len(worlds)
+    return [CaseResult(case, results[k * each : (k + 1) * each]) for k, case in enumerate(cases)]

@@ -5,10 +5,13 @@ and policies come, and their validation trials), and twelve who are not. Everyth
 anew in each world, on training trials alone, and all play the same episodes of it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 
@@ -65,46 +68,81 @@ class WorldResult:
     phase_rmse: dict[str, float]
 
 
-def evaluate_world(
-    scenario: Scenario,
-    seed: int,
-    episodes: int,
-    train: Train | None = None,
-    observations: tuple[str, ...] = tuple(OBSERVATION_SETS),
-    extra: Mapping[str, Policy] | None = None,
-    report: Callable[[str], None] = lambda _what: None,
-    splits: tuple[str, ...] = WORLD_SPLITS,
-    phase_error: float = 0.0,
-) -> WorldResult:
-    """Makes the people of one world, everything that is learnt from them, and plays it all.
+@dataclass(frozen=True)
+class WorldTask:
+    """One world to be evaluated; it can be sent to another process.
 
-    Args:
+    Attributes:
         scenario: its task, estimators and chart; its people must be synthetic.
         seed: of the world, and of all that is random in it.
         episodes: per split and policy.
         train: trains the learned policies; None: there are none.
         observations: the observation sets that policies are learnt for.
-        extra: more policies to play, by name.
-        report: told what is being done.
+        given: more policies to play, as ``policies.factory`` names them.
         splits: of the people that play.
         phase_error: see ``with_phase_error``; while playing alone, nobody has trained with it.
+    """
+
+    scenario: Scenario
+    seed: int
+    episodes: int
+    train: Train | None = None
+    observations: tuple[str, ...] = tuple(OBSERVATION_SETS)
+    given: tuple[str, ...] = ()
+    splits: tuple[str, ...] = WORLD_SPLITS
+    phase_error: float = 0.0
+
+
+def evaluate_worlds(
+    tasks: Sequence[WorldTask], jobs: int = 1, done: Callable[[int], None] = lambda _number: None
+) -> list[WorldResult]:
+    """Evaluates worlds, in processes of their own if there are several jobs; the results are the same.
+
+    Args:
+        tasks: at least one.
+        jobs: how many at once.
+        done: told how many are done.
+
+    Raises:
+        InputError: see ``evaluate_world``.
+    """
+    if jobs == 1 or len(tasks) == 1:
+        found = []
+        for number, task in enumerate(tasks):
+            found.append(evaluate_world(task))
+            done(number + 1)
+        return found
+    # Spawned: threads of torch and numba do not survive a fork.
+    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as workers:
+        futures = [workers.submit(evaluate_world, task) for task in tasks]
+        try:
+            for number, future in enumerate(as_completed(futures)):
+                future.result()
+                done(number + 1)
+        except BaseException:
+            workers.shutdown(wait=False, cancel_futures=True)
+            raise
+        return [future.result() for future in futures]
+
+
+def evaluate_world(task: WorldTask) -> WorldResult:
+    """Makes the people of one world, everything that is learnt from them, and plays it all.
 
     Raises:
         InputError: the people are recordings: they cannot be drawn anew.
     """
+    scenario, seed = task.scenario, task.seed
     if scenario.human.demonstrations != SYNTHETIC:
         raise InputError("human.demonstrations: worlds of people are redrawn, which recordings cannot be")
+    players = roster(scenario, seed, task.train, task.observations)
+    for name in task.given:
+        policy = make_policy(name, scenario, any_observation=True)
+        players[f"given: {Path(name).name}"] = partial(play, policy=policy)
     playing = {}
-    for split in splits:
-        report(f"world {seed}: the phases of {split} people")
+    for split in task.splits:
         rng = np.random.default_rng([seed, WORLD_SPLITS.index(split)])
-        playing[split] = _twin_of(in_world(scenario, seed, split), episodes, rng, phase_error)
-    players = roster(scenario, seed, train, observations, report)
-    players |= {name: partial(play, policy=policy) for name, policy in (extra or {}).items()}
-    played = {}
-    for split, (twin, parts) in playing.items():
-        report(f"world {seed}: playing with {split} people")
-        played[split] = play_all(twin, parts, players)
+        playing[split] = _twin_of(in_world(scenario, seed, split), task.episodes, rng, task.phase_error)
+    played = {split: play_all(twin, parts, players) for split, (twin, parts) in playing.items()}
     return _result(seed, playing, played)
 
 
@@ -113,7 +151,6 @@ def evaluate_given(
     policies: Mapping[str, Policy],
     seed: int,
     episodes: int,
-    report: Callable[[str], None] = lambda _what: None,
 ) -> WorldResult:
     """Plays given policies in the scenario's own world: with all splits of its people, or with the recorded hands.
 
@@ -124,7 +161,6 @@ def evaluate_given(
         policies: by name.
         seed: of the episodes.
         episodes: per split and policy.
-        report: told what is being done.
     """
     synthetic = scenario.human.demonstrations == SYNTHETIC
     observation = "history" if any(p.observation in FUSED_SETS for p in policies.values()) else scenario.observation
@@ -133,13 +169,11 @@ def evaluate_given(
     players[PERFECT] = play_with_perfect_phase
     splits = {}
     for number, split in enumerate(WORLD_SPLITS if synthetic else ("recorded",)):
-        report(f"the phases of {split} people")
         changed = deepcopy(scenario)
         changed.observation = observation
         if synthetic:
             changed.human.split = split
         splits[split] = _twin_of(changed, episodes, np.random.default_rng([seed, number]))
-    report("playing")
     played = {split: play_all(twin, parts, players) for split, (twin, parts) in splits.items()}
     return _result(scenario.human.seed, splits, played)
 
@@ -161,29 +195,24 @@ def roster(
     seed: int,
     train: Train | None = None,
     observations: tuple[str, ...] = tuple(OBSERVATION_SETS),
-    report: Callable[[str], None] = lambda _what: None,
 ) -> dict[str, Player]:
     """All policies and bounds of the table, searched, fitted and trained on the training trials of one world.
 
-    Args and errors as ``evaluate_world``.
+    Args as ``WorldTask``.
     """
     known = in_world(scenario, seed, "train")
-    report(f"world {seed}: the phases of training trials")
     rng = np.random.default_rng([seed, 100])
     pool = make_pool(known, load_people(known), _TRAINING_DRAWS, rng)
     policies: dict[str, Policy] = {
         name.replace("_", " "): make_policy(name, known) for name in ("explicit_query", "always_assist", "never_assist")
     }
-    report(f"world {seed}: searching thresholds")
     search = AssemblyTwin(known, pool, _SEARCH_EPISODES), pool.sample(_SEARCH_EPISODES, rng)
     for rule in RULES:
         policies[rule.replace("_", " ")] = search_thresholds(*search, rule).policy
-    report(f"world {seed}: the optimum without phase, and the fitted one with it")
     policies[NO_PHASE] = timed_optimum(known).policy
     policies[FITTED] = fitted_optimum(AssemblyTwin(known, pool, _FIT_EPISODES), pool.sample(_FIT_EPISODES, rng))
     if train is not None:
         for observation in observations:
-            report(f"world {seed}: training {ppo_name(observation)}")
             learner = deepcopy(known)
             learner.observation = observation
             policies[ppo_name(observation)] = train(learner, seed)

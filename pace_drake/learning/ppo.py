@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -19,8 +19,10 @@ from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
 from pace_drake.learning.checkpoint import CheckpointWriter, checkpoint_path, read_checkpoint
 from pace_drake.learning.evaluator import Evaluator
 from pace_drake.learning.features import AssemblyFeatures
+from pace_drake.learning.greedy import GreedyPolicy
 from pace_drake.learning.vec_env import TwinVecEnv
 from pace_drake.people import load_people
+from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario, scenario_hash
 
 
@@ -184,3 +186,14 @@ def _diagram(scenario: Scenario, settings: PPOSettings) -> VecEnv:
         return gym.wrappers.TransformReward(env, lambda reward: settings.reward_scale * float(reward))
 
     return DummyVecEnv([make] * settings.num_envs)
+
+
+@dataclass(frozen=True)
+class Trainer:
+    """Trains greedy policies on the twin, as ``evaluate.worlds`` asks for them; it can be sent to another process."""
+
+    settings: PPOSettings = TWIN_SETTINGS
+
+    def __call__(self, scenario: Scenario, seed: int) -> Policy:
+        """The policy that PPO finds in a scenario with a seed."""
+        return GreedyPolicy(train_ppo(scenario, replace(self.settings, seed=seed), backend="twin"), scenario)
