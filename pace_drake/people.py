@@ -10,8 +10,8 @@ from scipy.special import ndtri
 
 from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
 from pace_drake.demos.model import Split
-from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.end import EndDetector
+from pace_drake.dtw.ensemble import MedianPhase
 from pace_drake.dtw.estimator import Estimator
 from pace_drake.dtw.estimator_file import ActionEstimator, read_estimator_file
 from pace_drake.dtw.filter import Calibration, PhaseFilter
@@ -28,8 +28,8 @@ _UNSEEN_SEED = 1 << 20
 
 #: Quantiles of the drawn durations to which training trials are stretched for the filter's calibration.
 _CALIBRATED_AT = np.array([0.1, 0.5, 0.9])
-#: [m/s] of the alignments by derivatives that ``average`` adds.
-_DERIVATIVE_GAMMA = 0.02
+#: Smoothing of the alignments that an ensemble adds, by distance, in its units [m/s], [m].
+_ENSEMBLE_GAMMA = {"derivative": 0.02, "euclidean": 0.05}
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class People:
             if action.name in tuned:
                 alignment, calibration = tuned[action.name].alignment(period), tuned[action.name].calibration
             elif len(training) > 1:
-                if fused and config.average:
-                    alignment = _averaged(config, alignment, reference, training, period)
+                if fused and config.ensemble:
+                    alignment = _ensemble(config, alignment, reference, training, period)
                 calibration = self._calibration(action, alignment, reference, training, period)
             if calibration is None:
                 require(
@@ -292,21 +292,22 @@ def _alignment(config: EstimatorConfig, reference: Demonstration, period: float)
     )
 
 
-def _averaged(
+def _ensemble(
     config: EstimatorConfig,
     alignment: Estimator,
     reference: Demonstration,
     training: list[Demonstration],
     period: float,
-) -> AveragedPhase:
+) -> MedianPhase:
+    """The alignment with the reference, and those with one trial of each known person, by three distances."""
     firsts = {d.subject: d for d in reversed(training)}
-    derivative = replace(config, distance="derivative", gamma=_DERIVATIVE_GAMMA)
     references = [reference, *(firsts[subject] for subject in sorted(firsts))]
-    return AveragedPhase(
+    others = [replace(config, distance=distance, gamma=gamma) for distance, gamma in _ENSEMBLE_GAMMA.items()]
+    return MedianPhase(
         [
             alignment,
             *(_alignment(config, one, period) for one in references[1:]),
-            *(_alignment(derivative, one, period) for one in references),
+            *(_alignment(other, one, period) for other in others for one in references),
         ]
     )
 

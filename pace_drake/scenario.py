@@ -33,9 +33,9 @@ class EstimatorConfig:
     """[s] window of the Windowed-Pearson distance; at least two samples."""
     fused: bool = False
     """Whether the phase is the Bayesian filter's (alignment and elapsed time) instead of the alignment's alone."""
-    average: bool = False
-    """Whether the filter, where its phase is used, stands on the mean of several alignments: with the reference and
-    one trial of every known person, by this distance and by that of the derivatives."""
+    ensemble: bool = False
+    """Whether the filter, where its phase is used, stands on the median of several alignments: with the reference and
+    one trial of every known person, by this distance, by that of the derivatives, and by the Euclidean."""
 
 
 @dataclass(kw_only=True)

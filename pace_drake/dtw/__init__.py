@@ -1,8 +1,8 @@
 """How far an action has come, from a hand's motion: open-end soft-DTW and what builds on it. Without Drake."""
 
-from pace_drake.dtw.averaged import AveragedPhase
 from pace_drake.dtw.baselines import ConstantPhase, TimeOnly
 from pace_drake.dtw.end import EndDetector
+from pace_drake.dtw.ensemble import MedianPhase
 from pace_drake.dtw.estimator import Estimate, Estimator
 from pace_drake.dtw.filter import Calibration, PhaseFilter
 from pace_drake.dtw.gate import MovementGate
@@ -17,13 +17,13 @@ __all__ = [
     "NORMALIZATIONS",
     "STEPS",
     "ActionRecognizer",
-    "AveragedPhase",
     "Calibration",
     "ConstantPhase",
     "Distance",
     "EndDetector",
     "Estimate",
     "Estimator",
+    "MedianPhase",
     "Monotone",
     "MovementGate",
     "Normalization",

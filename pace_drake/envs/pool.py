@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pace_drake.dtw.averaged import AveragedPhase
+from pace_drake.dtw.ensemble import MedianPhase
 from pace_drake.dtw.filter import PhaseFilter
 from pace_drake.files import cache_folder, write_whole
 from pace_drake.observation import FUSED_SETS
@@ -171,10 +171,10 @@ def exact_phases(scenario: Scenario, people: People, duration: np.ndarray, demon
         if isinstance(estimator, PhaseFilter):
             # Once for both: the filter's phase is its mean, the other that of the alignment with the reference.
             several = estimator.estimator
-            if isinstance(several, AveragedPhase):
+            if isinstance(several, MedianPhase):
                 each = [one.phases(hands, num_threads=2) for one in several.estimators]
                 reference = each[0]
-                aligned = [np.asarray(several.mean(phases)) for phases in zip(*each, strict=True)]
+                aligned = [np.median(phases, axis=0) for phases in zip(*each, strict=True)]
             else:
                 reference = aligned = several.phases(hands, num_threads=2)
             elapsed = np.concatenate([np.arange(len(z)) * period for z in aligned])

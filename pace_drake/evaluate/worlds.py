@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pace_drake.envs.pool import Pool, make_pool
+from pace_drake.envs.pool import Pool, cached_pool, make_pool
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.errors import InputError
 from pace_drake.evaluate.fitted_optimum import fitted_optimum
 from pace_drake.evaluate.perfect_phase import play_with_perfect_phase
 from pace_drake.evaluate.play import Played, play
-from pace_drake.evaluate.policies import Player, clairvoyant_costs, play_all
+from pace_drake.evaluate.policies import POOL_SIZE, Player, clairvoyant_costs, play_all
 from pace_drake.evaluate.thresholds import RULES, search_thresholds
 from pace_drake.evaluate.timed_optimum import timed_optimum
 from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
@@ -35,8 +35,8 @@ WORLD_SPLITS = ("train", "validation", "unseen")
 NO_PHASE, PERFECT, EXPLICIT, FITTED = "optimum without phase", "perfect phase", "explicit query", "fitted optimum"
 CLAIRVOYANT = "clairvoyant"
 
-#: Draws of each human action in a pool: of training, and of what is played to compare.
-_TRAINING_DRAWS, _DRAWS = 1024, 480
+#: Draws of each human action in a pool of what is played to compare.
+_DRAWS = 480
 #: Episodes in which thresholds are searched, and from which surfaces are fitted.
 _SEARCH_EPISODES, _FIT_EPISODES = 6000, 30_000
 
@@ -202,7 +202,8 @@ def roster(
     """
     known = in_world(scenario, seed, "train")
     rng = np.random.default_rng([seed, 100])
-    pool = make_pool(known, load_people(known), _TRAINING_DRAWS, rng)
+    # The very pool that a policy with this seed is trained on.
+    pool = cached_pool(known, load_people(known), POOL_SIZE, [seed, 1])
     policies: dict[str, Policy] = {
         name.replace("_", " "): make_policy(name, known) for name in ("explicit_query", "always_assist", "never_assist")
     }

@@ -39,7 +39,7 @@ EPISODES = 300
 def plain():
     """Without averaged alignments: fast."""
     names = ("place_rails", "place_screws", "tighten_screws")
-    return load_scenario("ikea_chair", tuple(f"estimator.{name}.average=false" for name in names))
+    return load_scenario("ikea_chair", tuple(f"estimator.{name}.ensemble=false" for name in names))
 
 
 def stand_in(scenario, seed):
@@ -50,7 +50,7 @@ def stand_in(scenario, seed):
 @pytest.fixture(scope="module", autouse=True)
 def _small():
     """Searches and fits on little: what is tested is not how good they are."""
-    small = {"_TRAINING_DRAWS": 256, "_SEARCH_EPISODES": 300, "_FIT_EPISODES": 3000, "_DRAWS": 240}
+    small = {"POOL_SIZE": 256, "_SEARCH_EPISODES": 300, "_FIT_EPISODES": 3000, "_DRAWS": 240}
     with pytest.MonkeyPatch.context() as patch:
         for name, value in small.items():
             patch.setattr(worlds, name, value)
@@ -200,7 +200,7 @@ def test_every_case_can_be_made(plain):
             or case.label in ("as it is", "lambda 3")
             or case.phase_error
         )
-    assert plain == load_scenario("ikea_chair", tuple(f"estimator.{n}.average=false" for n in plain.estimator))
+    assert plain == load_scenario("ikea_chair", tuple(f"estimator.{n}.ensemble=false" for n in plain.estimator))
 
 
 def run(capsys, *arguments):
@@ -213,7 +213,7 @@ def test_the_command_with_worlds(tmp_path, capsys, monkeypatch):
     pytest.importorskip("stable_baselines3", reason="extra 'train' is not installed")
     monkeypatch.chdir(tmp_path)
     names = ("place_rails", "place_screws", "tighten_screws")
-    plain = [part for name in names for part in ("--set", f"estimator.{name}.average=false")]
+    plain = [part for name in names for part in ("--set", f"estimator.{name}.ensemble=false")]
     short = ["--worlds", "1", "--episodes", "50", "--steps", "4096", *plain]
     code, printed = run(capsys, "policy", *short, "--json", "x.json", "--out", "report")
     assert code == 0, printed.err

@@ -1,4 +1,4 @@
-"""The mean of several phases."""
+"""The median of several phases."""
 
 from collections.abc import Sequence
 
@@ -9,12 +9,12 @@ from pace_drake.dtw.estimator import Estimator
 from pace_drake.errors import InputError
 
 
-class AveragedPhase(Estimator):
-    """The mean of the phases of several estimators of one action, such as alignments with several people's trials.
+class MedianPhase(Estimator):
+    """The median of the phases of several estimators of one action, such as alignments with several people's trials.
 
     A person's trial is a poor reference for another person in some places, and a distance is blind to some motions;
-    alignments that differ in both err in different places, and their mean errs less. Unlike `SeveralReferences` it
-    never jumps from one to another, and their costs need not be comparable. Averaging them is ours.
+    alignments that differ in both err in different places, and one that is lost does not move the median. Unlike
+    `SeveralReferences` it need not compare their costs. An ensemble of alignments is ours.
 
     The state is that of the estimators, one after the other.
 
@@ -47,14 +47,9 @@ class AveragedPhase(Estimator):
             one._step(part, sample)
 
     def phase_at(self, state: NDArray) -> float:
-        """Returns the mean of the phases."""
+        """Returns the median of the phases."""
         parts = np.split(state, self._starts)
-        return float(self.mean([one.phase_at(part) for one, part in zip(self.estimators, parts, strict=True)]))
+        return float(np.median([one.phase_at(part) for one, part in zip(self.estimators, parts, strict=True)]))
 
     def _phase(self, query: NDArray) -> NDArray:
-        return np.asarray(self.mean([one._phase(query) for one in self.estimators]))
-
-    @staticmethod
-    def mean(phases: Sequence[NDArray] | Sequence[float]) -> NDArray | float:
-        """The mean, added up in order: the same bits for one sample and for many."""
-        return sum(phases[1:], start=phases[0]) / len(phases)
+        return np.median([one._phase(query) for one in self.estimators], axis=0)
