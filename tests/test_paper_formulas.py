@@ -433,3 +433,10 @@ def test_the_diagram_keeps_the_resolved_event_order():
             episode = simulation.sample_episode(rng)
             rows = diagram_rows(simulation, episode, decisions)
             assert_same(rows, plain_rows(plain, episode, decisions))
+
+
+def test_a_decision_at_the_very_end_of_an_action_sees_the_next_one():
+    """A matter of taste, which only fixed durations meet: twin and diagram agree on it."""
+    rows = play(make_scenario((3,), 1), make_episode((8, 20, 5), (8,), (11,), (4,)), [0, 1])
+    assert rows.time[1] == 8
+    assert list(rows.observation[1, :3]) == [1, 2, 0]

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from pace_drake.demos import Demonstration, write_demonstrations
 from pace_drake.dtw.estimator_file import ActionEstimator, EstimatorFile, write_estimator_file
 from pace_drake.dtw.filter import Calibration
+from pace_drake.dtw.open_end import OpenEndSoftDTW
 from pace_drake.errors import InputError
-from pace_drake.people import load_people
+from pace_drake.people import Person, load_people
 from pace_drake.scenario import load_scenario
 
 NAMES = ["place_rails", "carry_side", "place_screws", "hand_key", "tighten_screws", "hand_second_key"]
@@ -136,3 +138,62 @@ def test_an_estimator_file_that_does_not_fit_is_refused(tmp_path, content, messa
     scenario = load_scenario("ikea_chair", (f"estimator_file={path}",))
     with pytest.raises(InputError, match=message):
         load_people(scenario).estimators(scenario)
+
+
+def test_an_episode_is_one_person_s(chair):
+    """Where people have a pace, all demonstrations of an episode are of one subject; without, they are mixed."""
+    people = load_people(chair)
+    rng = np.random.default_rng(0)
+
+    def subjects(scenario):
+        episode = people.sample(scenario, rng)
+        return {g[k].subject for g, k in zip(people.demonstrations, episode.demonstration, strict=True) if g}
+
+    assert all(len(subjects(chair)) == 1 for _ in range(30))
+    apart = load_scenario("ikea_chair", ("human.pace_correlation=0",))
+    assert any(len(subjects(apart)) > 1 for _ in range(30))
+    chosen = people.sample(chair, rng, Person("S3", 0.0))
+    assert {g[k].subject for g, k in zip(people.demonstrations, chosen.demonstration, strict=True) if g} == {"S3"}
+
+
+def test_a_group_has_every_subject_and_pace(chair):
+    people = load_people(chair)
+    group = people.draw_group(10, np.random.default_rng(0))
+    assert [person.subject for person in group] == [f"S{k}" for k in (1, 2, 3, 4, 5)] * 2
+    assert sorted(person.pace for person in group) == pytest.approx(norm.ppf((np.arange(10) + 0.5) / 10))
+    assert group != people.draw_group(10, np.random.default_rng(1))
+
+
+def test_unseen_people_are_others_compared_with_the_same_references(chair):
+    known, unseen = (load_people(load_scenario("ikea_chair", (f"human.split={s}",))) for s in ("train", "unseen"))
+    assert "12 unseen people" in unseen.description
+    assert len(unseen.subjects) == 12
+    for a, b in zip(known.references, unseen.references, strict=True):
+        assert (a is None and b is None) or np.array_equal(a.p_WH, b.p_WH)
+    for known_group, group in zip(known.training, unseen.training, strict=True):
+        assert all(np.array_equal(a.p_WH, b.p_WH) for a, b in zip(known_group, group, strict=True))
+    hands = {d.p_WH.tobytes() for group in known.demonstrations for d in group}
+    assert not any(d.p_WH.tobytes() in hands for group in unseen.demonstrations for d in group)
+    unusual = load_people(load_scenario("ikea_chair", ("human.split=unseen", "human.unseen_variety=3")))
+    spread = [np.std([d.duration for d in p.demonstrations[4]]) for p in (unseen, unusual)]
+    assert spread[1] > 1.5 * spread[0]
+
+
+def test_the_ensemble_is_used_where_its_phase_is(chair):
+    """Three distances with the reference and a trial of each of five people; the alignment with the reference first."""
+    people = load_people(chair)
+    plain = people.estimators(chair)[0]
+    assert isinstance(plain.estimator, OpenEndSoftDTW)
+    assert not plain.fused
+    several = people.estimators(load_scenario("ikea_chair", ("observation=history",)))[0]
+    assert several.fused
+    members = several.estimator.estimators
+    assert [one.distance for one in members] == ["wp"] * 6 + ["derivative"] * 6 + ["euclidean"] * 6
+    np.testing.assert_array_equal(members[0].reference, plain.estimator.reference)
+
+
+def test_without_training_trials_there_is_no_filter_to_fuse(tmp_path):
+    people = people_of(tmp_path, recording("A", "1", 20), recording("B", "1", 22))
+    scenario = load_scenario("ikea_chair", ("observation=fused",))
+    with pytest.raises(InputError, match="observation: fused"):
+        people.estimators(scenario)

@@ -3,6 +3,7 @@
 import networkx as nx
 import numpy as np
 import pytest
+from scipy import stats
 
 from pace_drake.errors import InputError
 from pace_drake.task import Assistance, Duration, HumanAction, RobotTask, Task, sample_episode
@@ -101,3 +102,37 @@ def test_episodes_repeat_with_the_seed_and_differ_without(chair):
         assert not np.array_equal(getattr(first, name), getattr(other, name))
     assert list(first.demonstration[[1, 3, 5]]) == [-1, -1, -1]
     assert np.all(first.demonstration < 5)
+
+
+@pytest.mark.parametrize("distribution", ["truncated_gaussian", "log_normal"])
+@pytest.mark.parametrize(("cv", "minimum"), [(0.25, 5.0), (0.6, 0.0), (0.1, 19.9)])
+def test_the_cdf_is_the_inverse_of_the_quantile(distribution, cv, minimum):
+    duration = Duration(mean=20.0, cv=cv, minimum=minimum, distribution=distribution)
+    u = np.linspace(0.001, 0.999, 50)
+    np.testing.assert_allclose(duration.cdf(duration.quantile(u)), u, atol=1e-9)
+    assert duration.cdf(minimum - 1e-6) == 0.0
+    assert duration.cdf(1e4) == 1.0
+    assert Duration(mean=3.0).cdf([2.9, 3.0]).tolist() == [0.0, 1.0]
+
+
+def test_paces_go_together_and_leave_each_distribution_as_it_is(chair):
+    """A Gaussian copula over non-joint actions."""
+    rng = np.random.default_rng(0)
+    counts = [1, 0] * 3
+    drawn = np.array([sample_episode(chair.task, rng, counts, rng.standard_normal(), 0.7).human for _ in range(6000)])
+    scores = stats.norm.ppf(stats.rankdata(drawn, axis=0) / (len(drawn) + 1))
+    correlation = np.corrcoef(scores.T)
+    for j, action in enumerate(chair.task.human_actions):
+        assert stats.kstest(drawn[:, j], action.duration.cdf).pvalue > 1e-3
+        for k in range(j):
+            both = j % 2 == k % 2 == 0
+            assert correlation[j, k] == pytest.approx(0.7 if both else 0.0, abs=0.05)
+
+
+def test_a_slow_person_is_slow(chair):
+    def mean(pace):
+        rngs = [np.random.default_rng(k) for k in range(200)]
+        return np.mean([sample_episode(chair.task, rng, [1, 0] * 3, pace, 0.7).human[4] for rng in rngs])
+
+    slow, fast = mean(1.5), mean(-1.5)
+    assert slow > 1.3 * fast

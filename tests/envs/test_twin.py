@@ -192,3 +192,32 @@ def test_mistakes(scenario, pool):
     changed.human.monitor = "detector"
     with pytest.raises(InputError, match="the twin knows the person as told"):
         AssemblyTwin(changed, pool, 1)
+
+
+def test_a_pool_of_people_gives_each_episode_to_one(scenario):
+    people = load_people(scenario)
+    group = make_pool(scenario, people, 40, np.random.default_rng(0), num_people=5)
+    parts = group.sample(200, np.random.default_rng(1))
+    who = group.person(parts)
+    assert set(who) == set(range(5))
+    for j in (0, 2, 4):
+        assert (parts[:, j] // 8 == who).all()
+        subjects = [people.demonstrations[j][k].subject for k in group.demonstration[j]]
+        assert subjects == [f"S{1 + k // 8}" for k in range(40)]
+    chosen = group.sample(30, np.random.default_rng(1), person=np.full(30, 3))
+    assert (group.person(chosen) == 3).all()
+
+
+def test_what_is_seen_by_set(scenario):
+    seen = deepcopy(scenario)
+    seen.observation = "history"
+    twin = AssemblyTwin(seen, make_pool(seen, load_people(seen), 8, np.random.default_rng(0)), 3)
+    twin.start(np.arange(3), twin.pool.sample(3, np.random.default_rng(0)))
+    twin.step(np.zeros(3))
+    assert [twin.observe(name).shape for name in ("none", "paper", "fused", "history")] == [
+        (3, n) for n in (3, 4, 6, 7)
+    ]
+    assert (twin.observe() == twin.observe("history")).all()
+    assert (twin.observe("paper")[:, 3] == twin.seen[:, 3].astype(np.float32)).all()
+    assert (twin.observe("fused")[:, 3] == twin.seen[:, 4].astype(np.float32)).all()
+    assert (twin.observe("paper", np.array([2])) == twin.observe("paper")[2:]).all()
