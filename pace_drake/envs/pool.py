@@ -236,7 +236,8 @@ def pool_key(scenario: Scenario, people: People, size: int, seed: int | Sequence
     package = Path(__file__).resolve().parents[1]
     texts = (*sorted((package / "dtw").glob("*.py")), *(package / f"{name}.py" for name in _MODULES))
     content = {
-        "task": asdict(scenario.task),
+        # Lambda weighs what happens and changes nothing of it.
+        "task": {**asdict(scenario.task), "human_idle_weight": None},
         "estimator": {name: asdict(config) for name, config in scenario.estimator.items()},
         "estimator_file": sha256(scenario.resolve(scenario.estimator_file).read_bytes()).hexdigest()
         if scenario.estimator_file
