@@ -357,6 +357,7 @@ def _draw_idle(comparison: Comparison) -> "Figure":
     limit = next(row.cost for row in comparison.rows() if row.policy == CLAIRVOYANT)
     ax.axvline(limit, color="0.4", lw=1, ls=":", label=f"least possible, {limit:.1f}")
     ax.set_yticks(at, [row.policy for row in rows])
+    ax.set_xlim(0, 1.1 * cost.max())
     ax.set_xlabel("cost per episode [s]")
     ax.set_title(f"{comparison.title}: {_label(comparison)}", fontsize=10)
     ax.legend(fontsize=8, loc="lower right")
