@@ -1,6 +1,5 @@
 """``pace evaluate``: how good the parts are: phase estimators, policies."""
 
-import json
 import shlex
 from pathlib import Path
 
@@ -8,9 +7,9 @@ import click
 
 from pace_drake.cli.evaluate_policy import policy
 from pace_drake.cli.evaluate_sensitivity import sensitivity
+from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
-from pace_drake.errors import InputError
 
 
 @click.group("evaluate", short_help="Compare phase estimators, or policies.")
@@ -23,13 +22,8 @@ def command() -> None:
 @seed_option
 @trials_option
 @jobs_option
-@click.option(
-    "--json",
-    "json_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the MSE by action, estimator and part to this file; an older one is replaced.",
-)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for scores.csv, fig7.png, errors.png, index.html.")
+@json_option
+@out_option("scores.csv, fig7.png, errors.png, index.html")
 def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, out: Path | None) -> None:
     """Tune and fit phase estimators on training signals, and compare them on those and on what was held out.
 
@@ -38,23 +32,16 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
     """
     from rich.console import Console
 
-    if json_file is not None and not json_file.parent.is_dir():
-        raise InputError(f"{json_file.parent}: no such folder")
-    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+    check_outputs(json_file, out)
 
     from pace_drake.evaluate.phase import evaluate, fit_all, searches
     from pace_drake.evaluate.phase_report import tables, write_report
     from pace_drake.evaluate.tuning import load_signals
-    from pace_drake.files import write_whole
 
     signals = load_signals(data, seed)
     jobs_to_do = searches(signals, trials, seed)
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{out}: cannot make the folder: {error.strerror}") from None
+        make_folder(out)
     console = Console()
     console.print(signals.description, markup=False, highlight=False, soft_wrap=True)
     try:
@@ -66,8 +53,7 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
     for table in tables(evaluation):
         console.print(rich_table(table))
     if json_file is not None:
-        text = json.dumps(evaluation.mse(), indent=1, allow_nan=False) + "\n"
-        write_whole(json_file, lambda part: part.write_text(text, encoding="utf-8"))
+        write_json(json_file, evaluation.mse())
     if out is not None:
         command_line = f"pace evaluate phase --data {shlex.quote(data)} --seed {seed} --trials {trials}"
         write_report(out, evaluation, command_line)

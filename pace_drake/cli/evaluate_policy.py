@@ -1,6 +1,5 @@
 """``pace evaluate policy``: who waited for whom, policy by policy."""
 
-import json
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import jobs_option
 from pace_drake.errors import InputError
@@ -43,10 +43,8 @@ if TYPE_CHECKING:
 )
 @jobs_option
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write all figures there too."
-)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for policies.csv, pictures and index.html.")
+@json_option
+@out_option("policies.csv, pictures and index.html")
 def policy(
     scenario: str,
     names: tuple[str, ...],
@@ -66,16 +64,12 @@ def policy(
     """
     from rich.console import Console
 
-    if json_file is not None and not json_file.parent.is_dir():
-        raise InputError(f"{json_file.parent}: no such folder")
-    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+    check_outputs(json_file, out)
     if steps is not None and worlds is None:
         raise InputError("--steps: policies are trained with --worlds only")
 
     from pace_drake.evaluate.policy_report import studies, tables, to_json, write_report
     from pace_drake.evaluate.worlds import WorldTask, evaluate_worlds
-    from pace_drake.files import write_whole
     from pace_drake.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides)
@@ -96,13 +90,9 @@ def policy(
     for table in tables(comparison, study, powers):
         console.print(rich_table(table))
     if json_file is not None:
-        text = json.dumps(to_json(comparison, study, powers), indent=1, allow_nan=False) + "\n"
-        write_whole(json_file, lambda part: part.write_text(text, encoding="utf-8"))
+        write_json(json_file, to_json(comparison, study, powers))
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{out}: cannot make the folder: {error.strerror}") from None
+        make_folder(out)
         write_report(out, comparison, _command_line(scenario, names, episodes, seed, worlds, steps, overrides))
         console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)
 

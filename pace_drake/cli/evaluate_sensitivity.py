@@ -1,15 +1,14 @@
 """``pace evaluate sensitivity``: what the results depend on."""
 
-import json
 import shlex
 from pathlib import Path
 
 import click
 
 from pace_drake.cli.evaluate_policy import trainer, worlds_bar
+from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import jobs_option
-from pace_drake.errors import InputError
 
 
 @click.command("sensitivity", short_help="What the results depend on: lambda, people, phase, tasks.")
@@ -25,10 +24,8 @@ from pace_drake.errors import InputError
 @click.option("--steps", type=click.IntRange(min=1), help="Decisions to train on; default as pace train.")
 @jobs_option
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), help="Write all figures there too."
-)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for sensitivity.csv, pictures and index.html.")
+@json_option
+@out_option("sensitivity.csv, pictures and index.html")
 def sensitivity(
     scenario: str,
     only: str | None,
@@ -46,14 +43,10 @@ def sensitivity(
     """
     from rich.console import Console
 
-    if json_file is not None and not json_file.parent.is_dir():
-        raise InputError(f"{json_file.parent}: no such folder")
-    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+    check_outputs(json_file, out)
 
     from pace_drake.evaluate.sensitivity import evaluate_cases, lambda_cases, other_cases
     from pace_drake.evaluate.sensitivity_report import Sensitivity, tables, to_json, write_report
-    from pace_drake.files import write_whole
     from pace_drake.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides)
@@ -69,13 +62,9 @@ def sensitivity(
     for table in tables(result):
         console.print(rich_table(table))
     if json_file is not None:
-        text = json.dumps(to_json(result), indent=1, allow_nan=False) + "\n"
-        write_whole(json_file, lambda part: part.write_text(text, encoding="utf-8"))
+        write_json(json_file, to_json(result))
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{out}: cannot make the folder: {error.strerror}") from None
+        make_folder(out)
         words = ["pace", "evaluate", "sensitivity", scenario, "--episodes", str(episodes), "--seed", str(seed)]
         words += ["--worlds", str(worlds), *([] if only is None else ["--only", only])]
         words += [] if steps is None else ["--steps", str(steps)]

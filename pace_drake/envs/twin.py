@@ -76,7 +76,7 @@ class AssemblyTwin:
         # A first decision at t = 0 sees the last robot task as done (docs/departures.md).
         x0 = compiled.initial_state(i=float(task.num_robot_tasks if scenario.decide_at_start else 1))
         joints = task.num_joint_actions
-        self._weight = task.human_idle_weight
+        self._weight, self._alpha = task.human_idle_weight, np.array(task.human_index_of_joint)
         self._state = np.zeros((num_envs, len(x0) + 2 + 7 + 3 + 2 * joints))
         self._parts = np.zeros((num_envs, pool.num_parts), dtype=np.int64)
         self._all = np.arange(num_envs)
@@ -114,6 +114,24 @@ class AssemblyTwin:
         name = self.scenario.observation if observation_set is None else observation_set
         columns = _COLUMNS[name]
         return (self.seen if envs is None else self.seen[envs])[:, columns].astype(np.float32)
+
+    def segment(self, envs: np.ndarray) -> np.ndarray:
+        """(n,) the next joint action of environments at a decision, from 0."""
+        return np.searchsorted(self._alpha, self.seen[envs, 1])
+
+    def time_until_ready(self, envs: np.ndarray) -> np.ndarray:
+        """(n,) [s] until the person is ready for the next joint action, 0 while they wait; an oracle alone knows it.
+
+        Args:
+            envs: (n,) environments at a decision.
+        """
+        n = len(self.pool.human)
+        human = self.pool.human[np.arange(n), self._parts[envs, :n]]
+        begun = np.cumsum(human, axis=1) - human  # time of work before each action
+        rows, action = np.arange(len(envs)), self.seen[envs, 1].astype(int)
+        joint = self._alpha[self.segment(envs)]
+        left = begun[rows, joint - 1] - begun[rows, action - 1] - self.seen[envs, 2]
+        return np.where(action == joint, 0.0, np.maximum(left, 0.0))
 
     @property
     def cost(self) -> np.ndarray:

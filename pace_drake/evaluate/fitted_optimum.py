@@ -177,25 +177,20 @@ def _paths(twin: AssemblyTwin, parts: np.ndarray, observation: str) -> _Paths:
     """Assists only when the person waits; every segment of an episode is one path."""
     task, pool = twin.scenario.task, twin.pool
     joint = joint_actions(task)
-    alpha = np.array(task.human_index_of_joint)
-    human = pool.human[np.arange(task.num_human_actions)[:, np.newaxis], parts[:, : task.num_human_actions].T]
-    begun = np.vstack([np.zeros(len(parts)), np.cumsum(human, axis=0)])  # time of work before action j + 1
     columns: list[tuple[np.ndarray, ...]] = []
     following = np.empty(0, dtype=int)
     last = np.full(len(parts), -1)  # the decision before, in the same segment
     twin.start(np.arange(len(parts)), parts)
     while len(envs := np.flatnonzero(twin.status == DECISION)):
         seen = twin.observe(observation, envs).astype(float)
-        action, waits = seen[:, 1].astype(int), person_waits(seen, joint)
-        segment = np.searchsorted(alpha, action)
-        ready = np.where(waits, 0.0, begun[alpha[segment] - 1, envs] - begun[action - 1, envs] - seen[:, 2])
-        preparation = pool.preparation[parts[envs, task.num_human_actions + 1], segment]
+        waits, ready = person_waits(seen, joint), twin.time_until_ready(envs)
+        preparation = pool.preparation[parts[envs, task.num_human_actions + 1], twin.segment(envs)]
         index = len(following) + np.arange(len(envs))
         following = np.concatenate([following, np.full(len(envs), -1)])
         before = last[envs]
         following[before[before >= 0]] = index[before >= 0]
         last[envs] = np.where(waits, -1, index)
-        columns.append((seen, np.maximum(ready, 0.0), preparation, np.where(waits, seen[:, 2], 0.0)))
+        columns.append((seen, ready, preparation, np.where(waits, seen[:, 2], 0.0)))
         twin.step(waits, envs)
     seen, ready, preparation, elapsed = (np.concatenate(column) for column in zip(*columns, strict=True))
     return _Paths(seen, ready, preparation, following, np.where(following >= 0, elapsed[following], 0.0))

@@ -11,7 +11,6 @@ from pace_drake.envs.kernel import DECISION, FINISHED
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.evaluate.play import Played
 from pace_drake.evaluate.timed_optimum import STEP, assistance_cost, on_grid
-from pace_drake.policies.rules import joint_actions, person_waits
 from pace_drake.scenario import Scenario
 
 
@@ -48,21 +47,13 @@ def perfect_phase_table(scenario: Scenario, step: float = STEP) -> np.ndarray:
 
 def play_with_perfect_phase(twin: AssemblyTwin, parts: np.ndarray, step: float = STEP) -> Played:
     """Plays episodes, told at every decision when the person will be ready; arguments as ``evaluate.play``."""
-    task, pool = twin.scenario.task, twin.pool
     table = perfect_phase_table(twin.scenario, step)
-    joint, alpha = joint_actions(task), np.array(task.human_index_of_joint)
-    n = task.num_human_actions
-    human = pool.human[np.arange(n)[:, np.newaxis], parts[:, :n].T]
-    begun = np.vstack([np.zeros(len(parts)), np.cumsum(human, axis=0)])
     decisions = np.zeros(len(parts), dtype=int)
     twin.start(np.arange(len(parts)), parts)
     while len(envs := np.flatnonzero(twin.status == DECISION)):
-        seen = twin.seen[envs]
-        action, waits = seen[:, 1].astype(int), person_waits(seen, joint)
-        segment = np.searchsorted(alpha, action)
-        ready = np.where(waits, 0.0, begun[alpha[segment] - 1, envs] - begun[action - 1, envs] - seen[:, 2])
+        ready = twin.time_until_ready(envs)
         at = np.clip(np.round(ready / step), 0, table.shape[1] - 1).astype(int)
-        twin.step(waits | table[segment, at], envs)
+        twin.step((ready == 0) | table[twin.segment(envs), at], envs)
         decisions[envs] += 1
     return Played(
         twin.robot_idle.copy(), twin.human_idle.copy(), twin.cost, twin.time.copy(), decisions, twin.status == FINISHED

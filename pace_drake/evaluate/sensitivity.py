@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 
 from pace_drake.evaluate.policy_table import Row, rows_of
-from pace_drake.evaluate.worlds import Train, WorldResult, WorldTask, evaluate_worlds
+from pace_drake.evaluate.worlds import Sizes, Train, WorldResult, WorldTask, evaluate_worlds
 from pace_drake.scenario import Scenario
 
 LAMBDAS = (0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
@@ -124,6 +124,7 @@ def evaluate_cases(
     train: Train,
     jobs: int = 1,
     done: Callable[[int], None] = lambda _number: None,
+    sizes: Sizes = Sizes(),  # noqa: B008 - it is frozen
 ) -> list[CaseResult]:
     """Evaluates worlds in every case, with unseen people.
 
@@ -132,7 +133,7 @@ def evaluate_cases(
         cases: which changes.
         worlds: their seeds.
         episodes: per world and policy.
-        train, jobs, done: see ``worlds``; ``done`` counts worlds of all cases.
+        train, jobs, done, sizes: see ``worlds``; ``done`` counts worlds of all cases.
     """
     tasks = [
         WorldTask(
@@ -143,6 +144,7 @@ def evaluate_cases(
             OBSERVATIONS,
             splits=("unseen",),
             phase_error=case.phase_error,
+            sizes=sizes,
         )
         for case in cases
         for seed in worlds

@@ -5,6 +5,7 @@ and policies come, and their validation trials), and twelve who are not. Everyth
 anew in each world, on training trials alone, and all play the same episodes of it.
 """
 
+import signal
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from copy import deepcopy
@@ -35,11 +36,6 @@ WORLD_SPLITS = ("train", "validation", "unseen")
 NO_PHASE, PERFECT, EXPLICIT, FITTED = "optimum without phase", "perfect phase", "explicit query", "fitted optimum"
 CLAIRVOYANT = "clairvoyant"
 
-#: Draws of each human action in a pool of what is played to compare.
-_DRAWS = 480
-#: Episodes in which thresholds are searched, and from which surfaces are fitted.
-_SEARCH_EPISODES, _FIT_EPISODES = 6000, 30_000
-
 #: Trains a policy in a scenario (its observation set says what it sees), with a seed.
 Train = Callable[[Scenario, int], Policy]
 
@@ -69,6 +65,22 @@ class WorldResult:
 
 
 @dataclass(frozen=True)
+class Sizes:
+    """On how much things are searched, fitted and played.
+
+    Attributes:
+        training_draws, draws: of each human action, in the pool of training and in those that are played.
+        search_episodes: in which thresholds are searched.
+        fit_episodes: from which surfaces are fitted.
+    """
+
+    training_draws: int = POOL_SIZE
+    draws: int = 480
+    search_episodes: int = 6000
+    fit_episodes: int = 30_000
+
+
+@dataclass(frozen=True)
 class WorldTask:
     """One world to be evaluated; it can be sent to another process.
 
@@ -81,6 +93,7 @@ class WorldTask:
         given: more policies to play, as ``policies.factory`` names them.
         splits: of the people that play.
         phase_error: see ``with_phase_error``; while playing alone, nobody has trained with it.
+        sizes: see there.
     """
 
     scenario: Scenario
@@ -91,6 +104,7 @@ class WorldTask:
     given: tuple[str, ...] = ()
     splits: tuple[str, ...] = WORLD_SPLITS
     phase_error: float = 0.0
+    sizes: Sizes = Sizes()
 
 
 def evaluate_worlds(
@@ -112,15 +126,20 @@ def evaluate_worlds(
             found.append(evaluate_world(task))
             done(number + 1)
         return found
-    # Spawned: threads of torch and numba do not survive a fork.
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as workers:
+    # Spawned: threads of torch and numba do not survive a fork. Ctrl-C reaches all processes of a terminal, and only
+    # this one shall answer it.
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(min(jobs, len(tasks)), get_context("spawn"), signal.signal, ignore) as workers:
         futures = [workers.submit(evaluate_world, task) for task in tasks]
         try:
             for number, future in enumerate(as_completed(futures)):
                 future.result()
                 done(number + 1)
         except BaseException:
-            workers.shutdown(wait=False, cancel_futures=True)
+            for future in futures:
+                future.cancel()
+            for process in (workers._processes or {}).values():
+                process.terminate()  # a world takes minutes
             raise
         return [future.result() for future in futures]
 
@@ -134,14 +153,16 @@ def evaluate_world(task: WorldTask) -> WorldResult:
     scenario, seed = task.scenario, task.seed
     if scenario.human.demonstrations != SYNTHETIC:
         raise InputError("human.demonstrations: worlds of people are redrawn, which recordings cannot be")
-    players = roster(scenario, seed, task.train, task.observations)
+    players = roster(scenario, seed, task.train, task.observations, task.sizes)
     for name in task.given:
         policy = make_policy(name, scenario, any_observation=True)
         players[f"given: {Path(name).name}"] = partial(play, policy=policy)
     playing = {}
     for split in task.splits:
         rng = np.random.default_rng([seed, WORLD_SPLITS.index(split)])
-        playing[split] = _twin_of(in_world(scenario, seed, split), task.episodes, rng, task.phase_error)
+        playing[split] = _twin_of(
+            in_world(scenario, seed, split), task.episodes, rng, task.sizes.draws, task.phase_error
+        )
     played = {split: play_all(twin, parts, players) for split, (twin, parts) in playing.items()}
     return _result(seed, playing, played)
 
@@ -173,7 +194,7 @@ def evaluate_given(
         changed.observation = observation
         if synthetic:
             changed.human.split = split
-        splits[split] = _twin_of(changed, episodes, np.random.default_rng([seed, number]))
+        splits[split] = _twin_of(changed, episodes, np.random.default_rng([seed, number]), Sizes().draws)
     played = {split: play_all(twin, parts, players) for split, (twin, parts) in splits.items()}
     return _result(scenario.human.seed, splits, played)
 
@@ -195,6 +216,7 @@ def roster(
     seed: int,
     train: Train | None = None,
     observations: tuple[str, ...] = tuple(OBSERVATION_SETS),
+    sizes: Sizes = Sizes(),
 ) -> dict[str, Player]:
     """All policies and bounds of the table, searched, fitted and trained on the training trials of one world.
 
@@ -203,15 +225,17 @@ def roster(
     known = in_world(scenario, seed, "train")
     rng = np.random.default_rng([seed, 100])
     # The very pool that a policy with this seed is trained on.
-    pool = cached_pool(known, load_people(known), POOL_SIZE, [seed, 1])
+    pool = cached_pool(known, load_people(known), sizes.training_draws, [seed, 1])
     policies: dict[str, Policy] = {
         name.replace("_", " "): make_policy(name, known) for name in ("explicit_query", "always_assist", "never_assist")
     }
-    search = AssemblyTwin(known, pool, _SEARCH_EPISODES), pool.sample(_SEARCH_EPISODES, rng)
+    search = AssemblyTwin(known, pool, sizes.search_episodes), pool.sample(sizes.search_episodes, rng)
     for rule in RULES:
         policies[rule.replace("_", " ")] = search_thresholds(*search, rule).policy
     policies[NO_PHASE] = timed_optimum(known).policy
-    policies[FITTED] = fitted_optimum(AssemblyTwin(known, pool, _FIT_EPISODES), pool.sample(_FIT_EPISODES, rng))
+    policies[FITTED] = fitted_optimum(
+        AssemblyTwin(known, pool, sizes.fit_episodes), pool.sample(sizes.fit_episodes, rng)
+    )
     if train is not None:
         for observation in observations:
             learner = deepcopy(known)
@@ -231,11 +255,11 @@ def in_world(scenario: Scenario, seed: int, split: str) -> Scenario:
 
 
 def _twin_of(
-    scenario: Scenario, episodes: int, rng: np.random.Generator, phase_error: float = 0.0
+    scenario: Scenario, episodes: int, rng: np.random.Generator, draws: int, phase_error: float = 0.0
 ) -> tuple[AssemblyTwin, np.ndarray]:
     """A twin with a scenario's people, and the episodes that all policies play."""
     num_people = NUM_UNSEEN if scenario.human.split == "unseen" else None
-    pool = make_pool(scenario, load_people(scenario), _DRAWS, rng, num_people)
+    pool = make_pool(scenario, load_people(scenario), draws, rng, num_people)
     parts = pool.sample(episodes, rng)
     return AssemblyTwin(scenario, with_phase_error(pool, phase_error, rng), episodes), parts
 

@@ -23,8 +23,10 @@ from pace_drake.evaluate.worlds import (
     FITTED,
     NO_PHASE,
     PERFECT,
+    Sizes,
     WorldTask,
     evaluate_world,
+    evaluate_worlds,
     ppo_name,
     with_phase_error,
 )
@@ -47,19 +49,17 @@ def stand_in(scenario, seed):
     return make_policy("elapsed_threshold" if scenario.observation == "none" else "phase_threshold", scenario)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _small():
-    """Searches and fits on little: what is tested is not how good they are."""
-    small = {"POOL_SIZE": 256, "_SEARCH_EPISODES": 300, "_FIT_EPISODES": 3000, "_DRAWS": 240}
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in small.items():
-            patch.setattr(worlds, name, value)
-        yield
+#: Little: what is tested is not how good the policies are.
+SMALL = Sizes(training_draws=256, draws=240, search_episodes=300, fit_episodes=3000)
+
+
+def world_task(scenario, seed, **changes):
+    return WorldTask(scenario, seed, EPISODES, stand_in, ("none", "paper", "history"), sizes=SMALL, **changes)
 
 
 @pytest.fixture(scope="module")
 def results(plain):
-    return [evaluate_world(WorldTask(plain, seed, EPISODES, stand_in, ("none", "paper", "history"))) for seed in (0, 1)]
+    return [evaluate_world(world_task(plain, seed)) for seed in (0, 1)]
 
 
 def test_the_order_of_the_table(results):
@@ -77,7 +77,7 @@ def test_the_order_of_the_table(results):
 def test_unseen_people_are_twelve_others(results, plain):
     assert set(results[0].person["unseen"]) == set(range(12))
     assert (results[0].clairvoyant["unseen"] != results[0].clairvoyant["train"]).any()
-    again = evaluate_world(WorldTask(plain, 0, EPISODES, stand_in, ("none", "paper", "history"), splits=("unseen",)))
+    again = evaluate_world(world_task(plain, 0, splits=("unseen",)))
     for name, one in again.played["unseen"].items():
         np.testing.assert_array_equal(one.cost, results[0].played["unseen"][name].cost)
 
@@ -180,7 +180,7 @@ def test_sensitivity(plain, tmp_path):
     others = [
         case for case in other_cases(plain) if case.label in ("as it is", "human cv 0.10", "phase offset 0.15 rms more")
     ]
-    found = evaluate_cases(plain, [*lambdas, *others], (0,), 200, stand_in)
+    found = evaluate_cases(plain, [*lambdas, *others], (0,), 200, stand_in, sizes=SMALL)
     of = {result.case.label: result for result in found}
     assert of["lambda 10"].row(NO_PHASE).human_idle_total < of["lambda 1"].row(NO_PHASE).human_idle_total
     assert of["human cv 0.10"].row(NO_PHASE).cost < of["as it is"].row(NO_PHASE).cost
@@ -231,6 +231,15 @@ def test_the_command_with_worlds(tmp_path, capsys, monkeypatch):
 def test_players_are_what_they_say(results, plain):
     """The row of a threshold is what the threshold does on the same episodes."""
     unseen = worlds.in_world(plain, 0, "unseen")
-    twin, parts = worlds._twin_of(unseen, EPISODES, np.random.default_rng([0, 2]))
+    twin, parts = worlds._twin_of(unseen, EPISODES, np.random.default_rng([0, 2]), SMALL.draws)
     played = partial(play, twin, parts)(make_policy("phase_threshold", plain))
     np.testing.assert_array_equal(played.cost, results[0].played["unseen"][ppo_name("paper")].cost)
+
+
+def test_processes_change_nothing(plain, results):
+    tasks = [world_task(plain, seed, splits=("validation",)) for seed in (0, 1)]
+    seen = []
+    for result, alone in zip(evaluate_worlds(tasks, 2, seen.append), results, strict=True):
+        for name, played in result.played["validation"].items():
+            np.testing.assert_array_equal(played.cost, alone.played["validation"][name].cost)
+    assert seen == [1, 2]
