@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from pace_drake.demos import Demonstration, write_demonstrations
+from pace_drake.demos import Demonstration, generate_demonstrations, write_demonstrations
 from pace_drake.dtw.estimator_file import ActionEstimator, EstimatorFile, write_estimator_file
 from pace_drake.dtw.filter import Calibration
 from pace_drake.dtw.open_end import OpenEndSoftDTW
@@ -172,7 +172,9 @@ def test_unseen_people_are_others_compared_with_the_same_references(chair):
         assert (a is None and b is None) or np.array_equal(a.p_WH, b.p_WH)
     for known_group, group in zip(known.training, unseen.training, strict=True):
         assert all(np.array_equal(a.p_WH, b.p_WH) for a, b in zip(known_group, group, strict=True))
-    hands = {d.p_WH.tobytes() for group in known.demonstrations for d in group}
+    # Neither the known people nor what their seed would give of twelve.
+    twelve = generate_demonstrations(seed=0, num_subjects=12)
+    hands = {d.p_WH.tobytes() for d in (*(d for group in known.demonstrations for d in group), *twelve.demonstrations)}
     assert not any(d.p_WH.tobytes() in hands for group in unseen.demonstrations for d in group)
     unusual = load_people(load_scenario("ikea_chair", ("human.split=unseen", "human.unseen_variety=3")))
     spread = [np.std([d.duration for d in p.demonstrations[4]]) for p in (unseen, unusual)]
