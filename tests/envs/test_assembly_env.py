@@ -155,6 +155,10 @@ def test_rendering_as_text_and_as_a_picture(chair, capsys):
     assert begun.dtype == np.uint8
     assert (begun != later).mean() > 0.01
     assert len(np.unique(later.reshape(-1, 3), axis=0)) > 50
+    # The phase is drawn, twice a second; a decision begins anew.
+    times = [float(row["time"]) for row in env._events if row["kind"] == "phase"]
+    assert len(times) > 20
+    assert np.diff(times).max() < 1.0
 
 
 def test_the_plant_level_gives_the_same_episode(chair):

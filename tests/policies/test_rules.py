@@ -8,7 +8,7 @@ import pytest
 
 from pace_drake.errors import InputError
 from pace_drake.policies.factory import POLICIES, make_policy
-from pace_drake.policies.rules import Threshold
+from pace_drake.policies.rules import RemainingTimeThreshold, Threshold
 from pace_drake.scenario import load_scenario
 
 
@@ -61,3 +61,15 @@ def test_every_policy_of_the_chair_can_be_made():
     scenario = load_scenario("ikea_chair")
     for name in POLICIES:
         assert make_policy(name, scenario).decide(observe(2, 1.0, 1.0)) in (0, 1)
+
+
+def test_a_threshold_of_the_time_that_the_phase_says_remains():
+    policy = RemainingTimeThreshold((10.0, 0.0, -inf), frozenset({2}))
+    assert policy.decide(observe(1, 20.0, 0.5)) == 0  # 20 s remain
+    assert policy.decide(observe(1, 20.0, 0.8)) == 1  # 5 s
+    assert policy.decide(observe(1, 20.0, 2 / 3 + 1e-9)) == 1
+    assert policy.decide(observe(1, 3.0, 0.0)) == 0  # nothing is known yet
+    assert policy.decide(observe(3, 20.0, 1.0)) == 0  # never in that action
+    assert policy.decide(observe(2, 0.0, 1.0)) == 1  # the person waits
+    assert policy.decide(observe(1, 3.0, nan)) == -1
+    assert policy.decide(observe(1, nan, 0.5)) == -1
