@@ -323,7 +323,7 @@ def _write_csv(comparison: Comparison, path: Path) -> None:
     for row in rows:
         out: dict[str, Any] = {}
         for key, value in row.items():
-            if key in ("cost_interval", "cheaper_range"):
+            if key in ("cost_interval", "saving_interval", "cheaper_range"):
                 out |= {f"{key}_low": value[0], f"{key}_high": value[1]}
             elif isinstance(value, list):
                 out |= {f"{key}_{k + 1}": one for k, one in enumerate(value)}

@@ -29,6 +29,7 @@ class Row:
         robot_idle, human_idle: (L,) [s] per joint action; NaN where only the cost is known.
         robot_idle_total, human_idle_total, cost: [s].
         cost_interval: [s].
+        saving: [s] against the first policy, on the same episodes; with its interval.
         cheaper: [%] than the exact optimum without phase, mean over worlds; cheaper_range: least and most of them.
         gap: [%] of the way from the optimum without phase to perfect phase, mean over worlds.
         decisions, time, robot_task_rate, robot_idle_share, human_idle_share, concurrent_share, delay_share, truncated:
@@ -44,6 +45,8 @@ class Row:
     human_idle_total: float
     cost: float
     cost_interval: tuple[float, float]
+    saving: float
+    saving_interval: tuple[float, float]
     cheaper: float
     cheaper_range: tuple[float, float]
     gap: float
@@ -64,7 +67,8 @@ class Row:
 _MEANS = tuple(
     field.name
     for field in fields(Row)
-    if field.name in {f.name for f in fields(PolicyResult)} and field.name not in ("policy", "cost", "cost_interval")
+    if field.name in {f.name for f in fields(PolicyResult)}
+    and field.name not in ("policy", "cost", "cost_interval", "saving", "saving_interval")
 )
 
 
@@ -81,7 +85,7 @@ def rows_of(results: Sequence[WorldResult], split: str) -> list[Row]:
     rows = []
     for name in names:
         each = [summarize(name, r.played[split][name], next(iter(r.played[split].values()))) for r in results]
-        cost = np.array([one.cost for one in each])
+        cost, saving = (np.array([getattr(one, key) for one in each]) for key in ("cost", "saving"))
         means: dict[str, Any] = {key: _mean([getattr(one, key) for one in each]) for key in _MEANS}
         rows.append(
             Row(
@@ -92,6 +96,8 @@ def rows_of(results: Sequence[WorldResult], split: str) -> list[Row]:
                 human_idle_total=sum(means["human_idle"]),
                 cost=float(cost.mean()),
                 cost_interval=interval(cost) if len(cost) > 1 else each[0].cost_interval,
+                saving=float(saving.mean()),
+                saving_interval=interval(saving) if len(cost) > 1 else each[0].saving_interval,
                 **_compared(cost, base, perfect),
                 **means,
             )
@@ -111,6 +117,8 @@ def rows_of(results: Sequence[WorldResult], split: str) -> list[Row]:
             human_idle_total=nothing,
             cost=float(cost.mean()),
             cost_interval=interval(cost if len(cost) > 1 else results[0].clairvoyant[split]),
+            saving=nothing,
+            saving_interval=(nothing, nothing),
             **_compared(cost, base, perfect),
             **unknown,
         )

@@ -73,10 +73,14 @@ def test_the_command(tmp_path, capsys):
     assert stopped.value.code == 0
     text = capsys.readouterr().out
     assert "SYNTHETIC" in text
+    assert "validation trials" in text
     data = json.loads(out.read_text())
-    assert [one["policy"] for one in data["policies"]] == ["explicit_query", "learned"]
-    assert 0 < data["clairvoyant_cost"] < data["policies"][1]["cost"]
-    assert data["policies"][1]["saving"] == pytest.approx(data["policies"][0]["cost"] - data["policies"][1]["cost"])
+    for split in ("train", "validation", "unseen"):
+        rows = data["splits"][split]
+        assert list(rows) == ["explicit query", "learned", "optimum without phase", "perfect phase", "clairvoyant"]
+        assert 0 < rows["clairvoyant"]["cost"] < rows["perfect phase"]["cost"] < rows["learned"]["cost"]
+        assert rows["learned"]["saving"] == pytest.approx(rows["explicit query"]["cost"] - rows["learned"]["cost"])
+        assert rows["learned"]["worlds"] == 1
 
 
 @pytest.mark.parametrize(

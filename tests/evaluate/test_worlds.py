@@ -95,6 +95,9 @@ def test_rows(results):
         assert row.cost == pytest.approx(row.robot_idle_total + 3 * row.human_idle_total, rel=1e-6)
         assert row.concurrent_share + row.delay_share == pytest.approx(100)
     assert rows[NO_PHASE].cheaper == 0
+    first = [r.played["unseen"]["explicit query"].cost.mean() for r in results]
+    assert rows[NO_PHASE].saving == pytest.approx(np.mean(first) - rows[NO_PHASE].cost)
+    assert rows["explicit query"].saving_interval == (0, 0)
     assert rows[PERFECT].gap == pytest.approx(100)
     none = [r.played["unseen"][NO_PHASE].cost.mean() for r in results]
     paper = [r.played["unseen"][ppo_name("paper")].cost.mean() for r in results]
