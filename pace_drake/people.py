@@ -91,7 +91,7 @@ class People:
             elif len(training) > 1:
                 if fused and config.ensemble:
                     alignment = _ensemble(config, alignment, reference, training, period)
-                calibration = self._calibration(action, alignment, reference, training, period)
+                calibration = _calibration(action, alignment, reference, training, period, self.rescale)
             if calibration is None:
                 require(
                     not fused,
@@ -102,24 +102,6 @@ class People:
             else:
                 estimators.append(PhaseFilter(alignment, calibration, fused=fused))
         return estimators
-
-    def _calibration(
-        self,
-        action: HumanAction,
-        alignment: Estimator,
-        reference: Demonstration,
-        training: list[Demonstration],
-        period: float,
-    ) -> Calibration:
-        """What the filter learns from the training trials; where durations are drawn, stretched to some of them."""
-        num_people = len({d.subject for d in (reference, *training)})
-        if self.rescale:
-            durations = action.duration.quantile(_CALIBRATED_AT)
-            hands = [d.positions(_ticks(t, period), t) for d in training for t in durations.tolist()]
-        else:
-            hands = [d.resample(period).p_WH for d in training]
-        phases = alignment.phases(hands, num_threads=2)
-        return Calibration.fit(phases, reference.duration, period, num_people if num_people > 1 else None)
 
     def end_detectors(self, scenario: Scenario, estimators: list[Estimator | None]) -> list[EndDetector | None]:
         """The end detector of each human action; None for joint actions, and everywhere if only the button counts.
@@ -310,6 +292,28 @@ def _ensemble(
             *(_alignment(other, one, period) for other in others for one in references),
         ]
     )
+
+
+def _calibration(
+    action: HumanAction,
+    alignment: Estimator,
+    reference: Demonstration,
+    training: list[Demonstration],
+    period: float,
+    stretched: bool,
+) -> Calibration:
+    """What the filter learns from the training trials: as they are, or stretched to some of the drawn durations.
+
+    Where durations are drawn, people differ as the task says, and not as the few who are known.
+    """
+    num_people = len({d.subject for d in (reference, *training)})
+    if stretched:
+        durations = action.duration.quantile(_CALIBRATED_AT)
+        hands = [d.positions(_ticks(t, period), t) for d in training for t in durations.tolist()]
+    else:
+        hands = [d.resample(period).p_WH for d in training]
+    phases = alignment.phases(hands, num_threads=2)
+    return Calibration.fit(phases, reference.duration, period, num_people if num_people > 1 else None)
 
 
 def _ticks(seconds: float, period: float) -> np.ndarray:

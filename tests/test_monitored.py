@@ -25,11 +25,13 @@ def costs(dut, num):
     return np.array(found)
 
 
-def test_an_end_that_is_detected_costs_its_delay_and_no_more():
-    told, detected = costs(simulation("told"), 4), costs(simulation("detector"), 4)
+def test_an_end_that_is_detected_costs_its_delay():
+    told, detected = costs(simulation("told"), 9), costs(simulation("detector"), 9)
     # With this policy the robot mostly waits: at three joint actions both wait for the delay, at weights 1 + 3.
     assert (detected > told).all()
-    assert (detected - told).mean() < 3 * 4 * 1.5
+    assert np.median(detected - told) < 3 * 4 * 1.0
+    # With some people an end is missed and noticed much later (docs/estimator.md).
+    assert (detected - told > 3 * 4 * 3.0).sum() <= 1
 
 
 def test_the_button_stands_in_for_the_truth():
@@ -75,8 +77,10 @@ def test_adapter_and_policy_inside_see_the_same():
 
 def test_the_filters_phase_can_be_the_policys():
     names = ("place_rails", "place_screws", "tighten_screws")
+    # With the same alignments: an ensemble stands under a fused phase only.
+    settings = [f"estimator.{name}.{key}" for name in names for key in ("fused=true", "ensemble=false")]
     plain = simulation("told", "phase")
-    fused = simulation("told", "phase", *(f"estimator.{name}.fused=true" for name in names))
+    fused = simulation("told", "phase", *settings)
     episode = plain.sample_episode(np.random.default_rng(0))
     for dut in (plain, fused):
         dut.reset(episode)
