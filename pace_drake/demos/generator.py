@@ -282,7 +282,7 @@ def _play(action: str, style: _Style, stride: int, rng: np.random.Generator) -> 
     return path + _unsteadiness(len(path), stride * _STEP, rng) + offset + noise
 
 
-def _styles(seed: int, num_subjects: int, variety: float) -> list[_Style]:
+def _styles(seed: int, num_subjects: int, variety: float = 1.0) -> list[_Style]:
     rngs = [np.random.default_rng((seed, 0, subject)) for subject in range(num_subjects)]
     # Tempos are the quantiles of their distribution in random order: five independent draws would often make
     # a group that is far from the paper's mean durations, or in which all people are alike.
