@@ -43,7 +43,7 @@ IN_A = IN_DONE = IN_RB = IN_HJ = IN_NJ = 0
 OUT_KIND = OUT_INDEX = OUT_NUMBER = OUT_READY = OUT_WAITING = 0
 PLACE_I = 0
 ABSENT = 0.0
-#: Where each part of a row of the state begins: chart, person (2), robot (7), idle meter (3 + 2 L).
+#: Where each part of a row of the state begins: chart, person (2), robot (7), idle meter (3 + 2 L), durations, inputs.
 OF_PERSON = OF_ROBOT = OF_IDLE = 0
 U0 = np.zeros(0)
 DECIDES = FINAL = np.zeros(0, dtype=bool)
@@ -201,14 +201,18 @@ def advance_one(answer, state, parts, draws, time, observation, robot_idle, huma
     """Advances one environment to its next decision, or to the end: (status, time [s])."""
     human, x0, p, alpha = draws[0], draws[8], draws[9], draws[10]
     x, person = state[:OF_PERSON], state[OF_PERSON:OF_ROBOT]
-    robot, idle = state[OF_ROBOT:OF_IDLE], state[OF_IDLE:]
     joints = len(robot_idle)
-    u, seconds = U0.copy(), np.empty(len(human))
-    for k in range(len(human)):
-        seconds[k] = human[k, parts[k]]
+    of_seconds = OF_IDLE + 3 + 2 * joints
+    of_inputs = of_seconds + len(human)
+    robot, idle = state[OF_ROBOT:OF_IDLE], state[OF_IDLE:of_seconds]
+    # Kept from call to call: to allocate them would take a tenth of the time.
+    seconds, u = state[of_seconds:of_inputs], state[of_inputs:]
     if np.isnan(answer):  # a fresh start
         state[:] = 0.0
         x[:] = x0
+        u[:] = U0
+        for k in range(len(human)):
+            seconds[k] = human[k, parts[k]]
         time = 0.0
     while True:
         done = robot[ACTIVE] > 0 and time >= robot[SINCE] + robot[DURATION]

@@ -77,7 +77,9 @@ class AssemblyTwin:
         x0 = compiled.initial_state(i=float(task.num_robot_tasks if scenario.decide_at_start else 1))
         joints = task.num_joint_actions
         self._weight, self._alpha = task.human_idle_weight, np.array(task.human_index_of_joint)
-        self._state = np.zeros((num_envs, len(x0) + 2 + 7 + 3 + 2 * joints))
+        self._state = np.zeros(
+            (num_envs, len(x0) + 2 + 7 + 3 + 2 * joints + task.num_human_actions + len(chart.inputs))
+        )
         self._parts = np.zeros((num_envs, pool.num_parts), dtype=np.int64)
         self._all = np.arange(num_envs)
         self.time = np.zeros(num_envs)
