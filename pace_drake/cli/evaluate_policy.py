@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
-from pace_drake.cli.tables import rich_table
+from pace_drake.cli.tables import rich_table, wide_console
 from pace_drake.cli.tune import jobs_option
 from pace_drake.errors import InputError
 
@@ -62,8 +62,6 @@ def policy(
     The people are those whom the estimators know, with training and with validation trials, and people whom nothing
     was learnt from. Durations only, by the compiled twin. Without --worlds: given policies, in the scenario's world.
     """
-    from rich.console import Console
-
     check_outputs(json_file, out)
     if steps is not None and worlds is None:
         raise InputError("--steps: policies are trained with --worlds only")
@@ -73,9 +71,7 @@ def policy(
     from pace_drake.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=200)
+    console = wide_console()
     if worlds is None:
         with console.status("playing"):
             comparison = _given(loaded, names, episodes, seed)
@@ -93,7 +89,8 @@ def policy(
         write_json(json_file, to_json(comparison, study, powers))
     if out is not None:
         make_folder(out)
-        write_report(out, comparison, _command_line(scenario, names, episodes, seed, worlds, steps, overrides))
+        made_by = _command_line(scenario, names, episodes, seed, worlds, steps, overrides)
+        write_report(out, comparison, study, powers, made_by)
         console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)
 
 

@@ -7,7 +7,7 @@ import click
 
 from pace_drake.cli.evaluate_policy import trainer, worlds_bar
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
-from pace_drake.cli.tables import rich_table
+from pace_drake.cli.tables import rich_table, wide_console
 from pace_drake.cli.tune import jobs_option
 
 
@@ -41,8 +41,6 @@ def sensitivity(
     """Vary lambda, the spread and distribution of human durations, the phase's error, the length of the robot's
     tasks, and the style of people; search, fit and train in each case anew, and play with unseen people.
     """
-    from rich.console import Console
-
     check_outputs(json_file, out)
 
     from pace_drake.evaluate.sensitivity import evaluate_cases, lambda_cases, other_cases
@@ -51,9 +49,7 @@ def sensitivity(
 
     loaded = load_scenario(scenario, overrides)
     train, seeds = trainer(steps), range(seed, seed + worlds)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=200)
+    console = wide_console()
     lambdas = [] if only == "cases" else lambda_cases()
     others = [] if only == "lambda" else other_cases(loaded)
     with worlds_bar(console, (len(lambdas) + len(others)) * worlds) as done:

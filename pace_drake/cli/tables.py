@@ -3,9 +3,18 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table as RichTable
 
     from pace_drake.evaluate.report import Table
+
+
+def wide_console() -> "Console":
+    """A console on which wide tables stay whole where nobody looks, as in a file."""
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=200)
 
 
 def rich_table(table: "Table") -> "RichTable":

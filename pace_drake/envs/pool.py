@@ -105,6 +105,8 @@ class Pool:
 #: Draws of each person in a pool, where people differ.
 _DRAWS_EACH = 8
 
+#: Usual size of a pool, in training and for comparisons.
+POOL_SIZE = 512
 #: How many files ``cached_pool`` keeps, those last used.
 MAX_CACHED = 20
 

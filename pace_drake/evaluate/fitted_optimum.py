@@ -20,8 +20,8 @@ from numba import njit
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from pace_drake.envs.kernel import DECISION
 from pace_drake.envs.twin import AssemblyTwin
+from pace_drake.evaluate.play import play_by
 from pace_drake.observation import OBSERVATION
 from pace_drake.policies import Policy
 from pace_drake.policies.rules import joint_actions, person_waits
@@ -180,8 +180,9 @@ def _paths(twin: AssemblyTwin, parts: np.ndarray, observation: str) -> _Paths:
     columns: list[tuple[np.ndarray, ...]] = []
     following = np.empty(0, dtype=int)
     last = np.full(len(parts), -1)  # the decision before, in the same segment
-    twin.start(np.arange(len(parts)), parts)
-    while len(envs := np.flatnonzero(twin.status == DECISION)):
+
+    def decide(envs: np.ndarray) -> np.ndarray:
+        nonlocal following
         seen = twin.observe(observation, envs).astype(float)
         waits, ready = person_waits(seen, joint), twin.time_until_ready(envs)
         preparation = pool.preparation[parts[envs, task.num_human_actions + 1], twin.segment(envs)]
@@ -191,7 +192,9 @@ def _paths(twin: AssemblyTwin, parts: np.ndarray, observation: str) -> _Paths:
         following[before[before >= 0]] = index[before >= 0]
         last[envs] = np.where(waits, -1, index)
         columns.append((seen, ready, preparation, np.where(waits, seen[:, 2], 0.0)))
-        twin.step(waits, envs)
+        return waits
+
+    play_by(twin, parts, decide)
     seen, ready, preparation, elapsed = (np.concatenate(column) for column in zip(*columns, strict=True))
     return _Paths(seen, ready, preparation, following, np.where(following >= 0, elapsed[following], 0.0))
 

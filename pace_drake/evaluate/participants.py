@@ -72,12 +72,20 @@ class Participants:
         """How many people there are."""
         return len(self._episodes)
 
-    def draw(self, participants: int, trials: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """Mean costs (participants,) by method of a study; trials are drawn for each method by itself."""
+    def draw(
+        self, participants: int, trials: int, rng: np.random.Generator, methods: Sequence[str] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Mean costs (participants,) by method of a study; trials are drawn for each method by itself.
+
+        Args:
+            participants, trials: how many.
+            rng: the only source of randomness.
+            methods: None: all.
+        """
         who = rng.choice(self.number, size=participants, replace=participants > self.number)
         return {
-            method: np.array([costs[rng.choice(self._episodes[k], size=trials)].mean() for k in who])
-            for method, costs in self.costs.items()
+            method: np.array([self.costs[method][rng.choice(self._episodes[k], size=trials)].mean() for k in who])
+            for method in methods or self.costs
         }
 
     def study(self, participants: int, trials: int, rng: np.random.Generator) -> Study:
@@ -88,12 +96,9 @@ class Participants:
         self, first: str, second: str, participants: int, trials: int, studies: int, rng: np.random.Generator
     ) -> float:
         """Share of studies in which two methods differ with p < 0.05, the second costing less."""
-        pair = Participants.__new__(Participants)
-        pair.costs = {name: self.costs[name] for name in (first, second)}
-        pair._episodes = self._episodes
         found = 0
         for _ in range(studies):
-            drawn = pair.draw(participants, trials, rng)
+            drawn = self.draw(participants, trials, rng, (first, second))
             difference = drawn[first] - drawn[second]
             found += difference.mean() > 0 and _wilcoxon(difference) < 0.05
         return found / studies

@@ -7,9 +7,8 @@ Between two joint actions this is optimal stopping over the time w until the per
 
 import numpy as np
 
-from pace_drake.envs.kernel import DECISION, FINISHED
 from pace_drake.envs.twin import AssemblyTwin
-from pace_drake.evaluate.play import Played
+from pace_drake.evaluate.play import Played, play_by
 from pace_drake.evaluate.timed_optimum import STEP, assistance_cost, on_grid
 from pace_drake.scenario import Scenario
 
@@ -48,13 +47,10 @@ def perfect_phase_table(scenario: Scenario, step: float = STEP) -> np.ndarray:
 def play_with_perfect_phase(twin: AssemblyTwin, parts: np.ndarray, step: float = STEP) -> Played:
     """Plays episodes, told at every decision when the person will be ready; arguments as ``evaluate.play``."""
     table = perfect_phase_table(twin.scenario, step)
-    decisions = np.zeros(len(parts), dtype=int)
-    twin.start(np.arange(len(parts)), parts)
-    while len(envs := np.flatnonzero(twin.status == DECISION)):
+
+    def decide(envs: np.ndarray) -> np.ndarray:
         ready = twin.time_until_ready(envs)
         at = np.clip(np.round(ready / step), 0, table.shape[1] - 1).astype(int)
-        twin.step((ready == 0) | table[twin.segment(envs), at], envs)
-        decisions[envs] += 1
-    return Played(
-        twin.robot_idle.copy(), twin.human_idle.copy(), twin.cost, twin.time.copy(), decisions, twin.status == FINISHED
-    )
+        return (ready == 0) | table[twin.segment(envs), at]
+
+    return play_by(twin, parts, decide)

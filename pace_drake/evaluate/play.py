@@ -1,6 +1,8 @@
 """Playing a policy on drawn episodes, by the compiled twin."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -39,16 +41,32 @@ def play(twin: AssemblyTwin, parts: np.ndarray, policy: Policy) -> Played:
     Raises:
         RuntimeError: the policy gives no answer where the twin needs one.
     """
-    scenario, episodes = twin.scenario, len(parts)
-    twin.start(np.arange(episodes), parts)
-    decisions = np.zeros(episodes, dtype=int)
-    while len(going := np.flatnonzero((twin.status == DECISION) & (decisions < scenario.max_decisions))):
+
+    def decide(envs: np.ndarray) -> np.ndarray:
         # As in the diagram: policies see single precision.
-        observations = twin.observe(policy.observation, going).astype(float)
+        observations = twin.observe(policy.observation, envs).astype(float)
         answers = policy.decide_all(observations)
         if (answers < 0).any():
             raise RuntimeError(f"{type(policy).__name__} gave no answer to {observations[answers < 0][0]}")
-        twin.step(answers, going)
+        return answers
+
+    return play_by(twin, parts, decide, twin.scenario.max_decisions)
+
+
+def play_by(
+    twin: AssemblyTwin, parts: np.ndarray, decide: Callable[[np.ndarray], np.ndarray], max_decisions: float = inf
+) -> Played:
+    """Plays episodes by answers that may come from anything the twin knows.
+
+    Args:
+        twin, parts: as ``play``.
+        decide: gives the answers (n,) of the environments (n,) that are at a decision.
+        max_decisions: truncates.
+    """
+    twin.start(np.arange(len(parts)), parts)
+    decisions = np.zeros(len(parts), dtype=int)
+    while len(going := np.flatnonzero((twin.status == DECISION) & (decisions < max_decisions))):
+        twin.step(decide(going), going)
         decisions[going] += 1
     return Played(
         twin.robot_idle.copy(), twin.human_idle.copy(), twin.cost, twin.time.copy(), decisions, twin.status == FINISHED

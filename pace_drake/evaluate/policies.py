@@ -8,16 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from pace_drake.envs.pool import make_pool
+from pace_drake.envs.pool import POOL_SIZE, make_pool
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.evaluate.clairvoyant import clairvoyant_cost
 from pace_drake.evaluate.play import Played, play
 from pace_drake.people import People
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
-
-#: (demonstration, duration) pairs of each human action, of which episodes are put together.
-POOL_SIZE = 512
 
 #: Plays episodes ``parts`` on a twin with as many environments.
 Player = Callable[[AssemblyTwin, np.ndarray], Played]

@@ -279,9 +279,10 @@ def to_json(comparison: Comparison, study: Study | None, powers: Sequence[Power]
     }
 
 
-def write_report(folder: Path, comparison: Comparison, command_line: str) -> None:
+def write_report(
+    folder: Path, comparison: Comparison, study: Study | None, powers: Sequence[Power], command_line: str
+) -> None:
     """Writes policies.csv, idle.png, worlds.png (where there are several) and index.html into a folder."""
-    study, powers = studies(comparison)
     write_whole(folder / "policies.csv", lambda part: _write_csv(comparison, part))
     pictures: dict[str, Any] = {"idle.png": _draw_idle}
     if len(comparison.results) > 1:

@@ -7,6 +7,7 @@ phase errors and unusual styles, of which training knows nothing.
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 
 from pace_drake.evaluate.policy_table import Row, rows_of
 from pace_drake.evaluate.worlds import Sizes, Train, WorldResult, WorldTask, evaluate_worlds
@@ -50,9 +51,13 @@ class CaseResult:
     case: Case
     results: Sequence[WorldResult]
 
+    @cached_property
+    def _rows(self) -> dict[str, Row]:
+        return {row.policy: row for row in rows_of(self.results, "unseen")}
+
     def row(self, policy: str) -> Row:
         """The figures of one policy."""
-        return next(row for row in rows_of(self.results, "unseen") if row.policy == policy)
+        return self._rows[policy]
 
 
 def _nothing(_: Scenario) -> None:

@@ -14,7 +14,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
-from pace_drake.envs.pool import cached_pool, pool_key
+from pace_drake.envs.pool import POOL_SIZE, cached_pool, pool_key
 from pace_drake.envs.vector_env import PaceAssemblyVectorEnv
 from pace_drake.learning.checkpoint import CheckpointWriter, checkpoint_path, read_checkpoint
 from pace_drake.learning.evaluator import Evaluator
@@ -59,8 +59,6 @@ TWIN_SETTINGS = PPOSettings(
     hidden=32,
     entropy=0.01,
 )
-#: (demonstration, duration) pairs of each human action in the twin's pool.
-POOL_SIZE = 512
 #: How many checkpoints a training on the twin writes, about.
 NUM_CHECKPOINTS = 10
 

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import product
-from math import inf, sqrt
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import yaml
@@ -24,15 +24,11 @@ from pace_drake.envs.pool import Pool, make_pool
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.errors import InputError, require
 from pace_drake.evaluate.play import Played, play
-from pace_drake.evaluate.policies import POOL_SIZE
+from pace_drake.evaluate.policies import POOL_SIZE, interval
 from pace_drake.observation import check_observation
 from pace_drake.people import load_people
 from pace_drake.policies import Policy
-from pace_drake.policies.rules import joint_actions, person_waits
 from pace_drake.scenario import SYNTHETIC, Scenario, load_scenario
-
-if TYPE_CHECKING:
-    from stable_baselines3 import PPO
 
 #: Held-out people that every policy is evaluated on: the known ones' last trials, and people whom nothing has seen.
 SPLITS = ("validation", "unseen")
@@ -236,26 +232,15 @@ def _digest(scenario: Scenario) -> str:
     return digest.hexdigest()
 
 
-class _Greedy(Policy):
-    """The action that the trained network prefers; a person who waits is always helped (as in ``LearnedPolicy``)."""
-
-    def __init__(self, model: "PPO", scenario: Scenario) -> None:
-        self._model, self._joint = model, joint_actions(scenario.task)
-        self.observation = scenario.observation
-
-    def decide_all(self, observations: np.ndarray) -> np.ndarray:
-        """See Policy."""
-        preferred, _ = self._model.predict(observations.astype(np.float32), deterministic=True)
-        return ((preferred == 1) | person_waits(observations, self._joint)).astype(int)
-
-
 def run_task(task: SweepTask) -> dict[str, Any]:
     """Trains on the twin with one thread, evaluates on held-out people, and returns a row (``ROW_UNITS``).
 
     Raises:
         InputError: the twin or the training cannot use the scenario.
     """
-    from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo  # torch, only where one trains
+    # torch, only where one trains
+    from pace_drake.learning.greedy import GreedyPolicy
+    from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo
 
     scenario = task.scenario
     started = time.perf_counter()
@@ -270,7 +255,7 @@ def run_task(task: SweepTask) -> dict[str, Any]:
         "steps": task.steps,
         "episodes": task.episodes,
     }
-    policy = _Greedy(model, scenario)
+    policy = GreedyPolicy(model, scenario)
     for split in SPLITS:
         played = _evaluate(scenario, policy, split, task.episodes)
         row |= {f"{split}_{name}": value for name, value in _means(played).items()}
@@ -298,15 +283,11 @@ def _pool(held_out: str) -> Pool:
 
 
 def _means(played: Played) -> dict[str, Any]:
-    from scipy.stats import t
-
-    count = len(played.cost)
-    cost = float(played.cost.mean())
-    half = float(t.ppf(0.975, count - 1) * played.cost.std(ddof=1) / sqrt(count))
+    low, high = interval(played.cost)
     return {
-        "cost": cost,
-        "cost_low": cost - half,
-        "cost_high": cost + half,
+        "cost": float(played.cost.mean()),
+        "cost_low": low,
+        "cost_high": high,
         "robot_idle": played.robot_idle.mean(axis=0).tolist(),
         "human_idle": played.human_idle.mean(axis=0).tolist(),
         "robot_idle_total": float(played.robot_idle.sum(axis=1).mean()),

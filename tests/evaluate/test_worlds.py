@@ -115,7 +115,7 @@ def comparison(results):
 
 
 def test_report(comparison, tmp_path):
-    write_report(tmp_path, comparison, "pace evaluate policy <chair>")
+    write_report(tmp_path, comparison, *studies(comparison), "pace evaluate policy <chair>")
     page = (tmp_path / "index.html").read_text()
     for text in (
         "SYNTHETIC",

@@ -8,13 +8,14 @@ from dataclasses import replace
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
 from pace_drake.errors import InputError
-from pace_drake.learning.sweep import ROW_UNITS, SPLITS, Failure, _evaluate, _Greedy, _pool, load_sweep, run_task
+from pace_drake.learning.sweep import ROW_UNITS, SPLITS, Failure, _evaluate, _pool, load_sweep, run_task
 from pace_drake.learning.sweep_runner import SweepLog, cluster, run_tasks, write_table
 from pace_drake.policies.rules import AlwaysAssist, person_waits
 
@@ -215,14 +216,22 @@ def test_the_people_of_the_evaluation_are_held_out(chair, monkeypatch):
     assert "train" not in SPLITS
 
 
+@needs_training
 def test_a_person_who_waits_is_helped_whatever_the_network_prefers(chair):
-    class Never:
-        def predict(self, observations, deterministic):
-            assert deterministic
-            assert observations.dtype == np.float32
-            return np.zeros(len(observations), dtype=int), None
+    import torch
 
-    policy = _Greedy(Never(), chair)
+    from pace_drake.learning.greedy import GreedyPolicy
+
+    class Never(torch.nn.Module):
+        def forward(self, observations):
+            assert observations.dtype == torch.float32
+            return torch.tensor([[1.0, 0.0]]).repeat(len(observations), 1)
+
+    same = torch.nn.Identity()
+    network = SimpleNamespace(
+        features_extractor=same, mlp_extractor=SimpleNamespace(policy_net=same), action_net=Never()
+    )
+    policy = GreedyPolicy(SimpleNamespace(policy=network), chair)
     observations = np.column_stack([np.ones(6), np.arange(1.0, 7.0), np.ones(6), np.ones(6)])
     assert policy.decide_all(observations).tolist() == [0, 1, 0, 1, 0, 1]
     assert person_waits(observations, policy._joint).tolist() == [False, True] * 3
