@@ -1,103 +1,126 @@
 """What the arm does for every robot action: joint trajectories planned once, replayed at any slower speed.
 
-A motion is a chain of legs that start and end at rest, with pauses in which the gripper opens or closes. A leg runs
-through via positions from inverse kinematics with a clearance constraint, on a spline with continuous curvature, timed
-by TOPPRA (Pham and Pham 2018, Drake's ``Toppra``) within the scaled joint velocity and acceleration limits. Every
-finished motion is checked for clearance at dense samples.
-
-At this stage the gripper stops ``grasp_standoff`` above what it would take: nothing is carried yet.
+A motion is a chain of legs (``pace_drake.stations.legs``) that start and end at rest, with pauses in which the gripper
+opens or closes. Things are held by friction alone: the desired width of the closed gripper is less than theirs.
+Robot tasks and preparations fetch something and so depend on where it lies; all the rest is the same every time.
 """
 
-from collections.abc import Iterator, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import atan2, pi
+from functools import cached_property
+from hashlib import sha256
+from importlib.metadata import version
+from math import atan2
+from pathlib import Path
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.inverse_kinematics import InverseKinematics
-from pydrake.multibody.optimization import CalcGridPointsOptions, Toppra
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.solvers import SnoptSolver
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.trajectories import PathParameterizedTrajectory, PiecewisePolynomial
+from pydrake.common.yaml import yaml_dump_typed
+from pydrake.math import RigidTransform
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from pace_drake.errors import InputError
-from pace_drake.stations.plant import NUM_ARM_JOINTS, NUM_FINGERS, add_workcell
-from pace_drake.stations.workcell import Pose, Workcell
+from pace_drake.files import cache_folder, write_whole
+from pace_drake.resources import resource_path
+from pace_drake.stations.components import Component, component_index, components
+from pace_drake.stations.legs import LegPlanner, Load, Via
+from pace_drake.stations.planning_scene import PLACED_SIDE, PlanningScene
+from pace_drake.stations.plant import NUM_ARM_JOINTS
+from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
-_SAMPLE_STEP = 0.01  # [s] between the samples of the final clearance check
-_MAX_CLEARANCE = 0.10  # [m] distances beyond this are not measured
-_JOINT_LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits by inverse kinematics
-_IK_RESTARTS = 30
-_SHORT_WAY = 1e-3  # [rad] a leg that stays within this takes _SHORT_TIME, as there is nothing for TOPPRA to time
-_SHORT_TIME = 0.1  # [s]
-_MAX_DETOURS = 3  # heights tried, in multiples of the approach height
-_PATH_SAMPLES = 60  # of a leg's path, when detours are sought
-_DOWN = (pi, 0.0)  # [rad] roll and pitch of a gripper that points down
+#: Of a joint action's time: when the robot begins to move with the person or holds the key out, and when it is there.
+#: Before and after, the person comes and goes.
+JOINT_BEGIN, JOINT_END = 0.35, 0.8
+OFFERED = 0.4
+_HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
+_NUM_KEPT = 512  # located motions in memory
+_PLANS = 1  # version of what is written to the cache
 
 
 @dataclass(frozen=True)
-class _Grasp:
-    """How the gripper meets an object O: the point under the TCP on its upper side, and the yaws that do equally."""
+class Motion:
+    """A joint trajectory and the gripper's width along it, at the least duration."""
 
-    p_O: tuple[float, float, float]  # [m]
-    yaws: tuple[float, ...]  # [rad] of the gripper in O; its fingers close along its y axis
-
-
-# Points and directions of the objects in models/.
-_CUBE = _Grasp((0.0, 0.0, 0.02), (0.0, pi / 2, pi, -pi / 2))
-_TRAY = _Grasp((0.0, 0.0, 0.028), (0.0, pi / 2, pi, -pi / 2))
-_CHAIR_SIDE = _Grasp((-0.13, 0.0, 0.025), (pi / 2, -pi / 2))  # on the seat rail, which runs along y
-_ALLEN_KEY = _Grasp((0.025, 0.0, 0.0125), (0.0, pi))  # on the grip, which runs along x
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """A time-optimal joint trajectory and the gripper's width along it."""
-
-    trajectory: PiecewisePolynomial  # (7) [rad] over [0, duration]
-    width_times: np.ndarray  # [s]
-    widths: np.ndarray  # [m]
+    times: np.ndarray
+    """(n) [s] knots of a cubic Hermite spline, from 0."""
+    positions: np.ndarray
+    """(n, 7) [rad]"""
+    velocities: np.ndarray
+    """(n, 7) [rad/s]"""
+    width_times: np.ndarray
+    """(m) [s]"""
+    widths: np.ndarray
+    """(m) [m] desired, linear in between."""
+    offered: float = -1.0
+    """[s] from when on the gripper opens if the person's hand takes what it holds; below 0 if it does not wait."""
+    approaches: np.ndarray = field(default_factory=lambda: np.zeros((0, NUM_ARM_JOINTS)))
+    """(k, 7) [rad] postures over what is fetched, from which a motion for another place is sought."""
 
     @property
     def duration(self) -> float:
-        return self.trajectory.end_time()
+        """[s]"""
+        return float(self.times[-1])
+
+    @cached_property
+    def trajectory(self) -> PiecewisePolynomial:
+        """(7) [rad] over [0, duration]."""
+        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+
+    @cached_property
+    def rate(self) -> Trajectory:
+        """(7) [rad/s] over [0, duration]."""
+        return self.trajectory.MakeDerivative()
 
 
-@dataclass(frozen=True)
 class MotionLibrary:
     """Planned motions of all robot actions, by kind and 1-based index.
 
     ROBOT_TASK i starts and ends at ``home``; PREPARE l leads from ``home`` to the prepared position of joint action l;
-    JOINT l from there to its end; HOME l from that end, and HOME_ABORTED l from the prepared position, to ``home``.
-    Gripper widths join up in the same way.
+    JOINT l from there to its end; HOME l from that end, and HOME_ABORTED l from the prepared position (it takes the
+    component back), to ``home``. Gripper widths join up in the same way.
+
+    ROBOT_TASK and PREPARE take ``located`` (3): x [m], y [m], yaw [rad] of the component that they fetch; None is its
+    nominal place. A motion for another place is planned when it is first asked for, in a tenth of a second, and is a function of the
+    place alone.
 
     Iterating yields the (kind, index) of every motion. Looking up another one raises KeyError.
+
+    Args:
+        workcell: where things stand.
+        motions: the nominal ones.
     """
 
-    home: np.ndarray
-    """(7) [rad] home position."""
-    _motions: dict[tuple[ActionKind, int], _Motion] = field(repr=False)
+    def __init__(self, workcell: Workcell, motions: dict[tuple[ActionKind, int], Motion]) -> None:
+        self.home = np.array(workcell.home, dtype=float)
+        """(7) [rad] home position."""
+        self._workcell = workcell
+        self._motions = motions
+        self._located: OrderedDict[tuple[ActionKind, int, bytes], Motion] = OrderedDict()
 
-    def position(self, kind: ActionKind, index: int, fraction: float) -> np.ndarray:
-        """Returns the (7) joint positions [rad] at a fraction of the motion, clamped to [0, 1].
+    @cached_property
+    def _planner(self) -> "_Planner":
+        return _Planner(self._workcell)
 
-        The time-optimal trajectory is scaled linearly in time: replayed in ``k`` times its minimum duration, it has
-        1/k of its velocities and 1/k^2 of its accelerations.
+    def motion(self, kind: ActionKind, index: int, located: np.ndarray | None = None) -> Motion:
+        """The motion of an action; see the class.
+
+        Raises:
+            InputError: the component cannot be fetched from there.
         """
-        motion = self._motions[kind, index]
-        return motion.trajectory.value(min(max(fraction, 0.0), 1.0) * motion.duration)[:, 0]
-
-    def gripper_width(self, kind: ActionKind, index: int, fraction: float) -> float:
-        """Returns the desired width [m] between the fingers at a fraction of the motion, clamped to [0, 1]."""
-        motion = self._motions[kind, index]
-        time = min(max(fraction, 0.0), 1.0) * motion.duration
-        return float(np.interp(time, motion.width_times, motion.widths))
-
-    def minimum_duration(self, kind: ActionKind, index: int) -> float:
-        """Returns the time [s] that the motion takes at full speed, gripper included."""
-        return self._motions[kind, index].duration
+        nominal = self._motions[kind, index]
+        fetched = component_index(self._workcell, kind, index)
+        if located is None or fetched is None:
+            return nominal
+        key = (kind, index, np.asarray(located, dtype=float).tobytes())
+        if key not in self._located:
+            if np.array_equal(located, components(self._workcell)[fetched].located):
+                return nominal
+            self._located[key] = self._planner.fetch(kind, index, located, nominal)
+            if len(self._located) > _NUM_KEPT:
+                self._located.popitem(last=False)
+        self._located.move_to_end(key)
+        return self._located[key]
 
     def __iter__(self) -> Iterator[tuple[ActionKind, int]]:
         return iter(self._motions)
@@ -107,7 +130,8 @@ class MotionLibrary:
 
 
 def plan_motions(workcell: Workcell, num_robot_tasks: int, num_joint_actions: int) -> MotionLibrary:
-    """Plans the motions of all robot actions. The same arguments give the same library.
+    """Plans the motions of all robot actions, or reads them from the user's cache, where they are kept by the hash of all
+    that they depend on. The same arguments give the same library.
 
     Args:
         workcell: where things stand, limits, clearance.
@@ -122,308 +146,343 @@ def plan_motions(workcell: Workcell, num_robot_tasks: int, num_joint_actions: in
     for name, number in (("num_robot_tasks", num_robot_tasks), ("num_joint_actions", num_joint_actions)):
         if number < 0:
             raise InputError(f"{name}: must be >= 0, is {number}")
-    planner = _Planner(workcell)
-    motions: dict[tuple[ActionKind, int], _Motion] = {}
-    tasks: dict[tuple[int, int], _Motion] = {}
-    for i in range(1, num_robot_tasks + 1):
-        places = (i - 1) % len(workcell.cubes), (i - 1) % len(workcell.trays)
-        if places not in tasks:
-            tasks[places] = planner.plan_robot_task(i, *places)
-        motions[ActionKind.ROBOT_TASK, i] = tasks[places]
-    joints: dict[tuple[int, int], dict[ActionKind, _Motion]] = {}
-    for index in range(1, num_joint_actions + 1):
-        # The first presentation and the chair's side belong to joint action 1, the others repeat.
-        presentation = 0 if index == 1 else 1 + (index - 2) % (len(workcell.presentations) - 1)
-        key = -1 if index == 1 else (index - 2) % len(workcell.allen_keys)
-        if (presentation, key) not in joints:
-            joints[presentation, key] = planner.plan_joint_action(index, presentation, key)
-        for kind, motion in joints[presentation, key].items():
-            motions[kind, index] = motion
-    return MotionLibrary(planner.home, motions)
+    path = cache_folder("motions") / f"motions_{_key(workcell, num_robot_tasks, num_joint_actions)[:24]}.npz"
+    kinds = (ActionKind.PREPARE, ActionKind.JOINT, ActionKind.HOME, ActionKind.HOME_ABORTED)
+    actions = [(ActionKind.ROBOT_TASK, i + 1) for i in range(num_robot_tasks)]
+    actions += [(kind, index + 1) for index in range(num_joint_actions) for kind in kinds]
+    motions = _read(path, actions)
+    if motions is None:
+        planner = _Planner(workcell)
+        motions = {action: planner.plan(*action) for action in actions}
+        write_whole(path, lambda part: _write(part, motions))
+    return MotionLibrary(workcell, motions)
 
 
-@dataclass(frozen=True)
-class _Via:
-    """A via position; ``name`` says in errors where it is."""
+def _key(workcell: Workcell, *numbers: int) -> str:
+    """Hash of everything that motions depend on: the workcell, the models, Drake, and the code that plans."""
+    digest = sha256(f"{_PLANS} {version('drake')} {numbers}\n".encode())
+    digest.update(yaml_dump_typed(workcell, schema=Workcell).encode())
+    folder = resource_path("models/package.xml").parent
+    sources = [Path(__file__).with_name(f"{name}.py") for name in ("motions", "legs", "planning_scene", "components")]
+    for path in [*sorted(p for p in folder.iterdir() if p.suffix in (".urdf", ".sdf", ".yaml")), *sources]:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
 
-    name: str
-    q: np.ndarray  # (7) [rad]
-    X_WG: RigidTransform  # of the gripper's TCP
+
+_ARRAYS = ("times", "positions", "velocities", "width_times", "widths", "approaches")
+
+
+def _write(path: Path, motions: dict[tuple[ActionKind, int], Motion]) -> None:
+    arrays = {
+        f"{kind}_{index}_{name}": getattr(motion, name)
+        for (kind, index), motion in motions.items()
+        for name in (*_ARRAYS, "offered")
+    }
+    np.savez(path, **arrays)  # type: ignore[arg-type]
+
+
+def _read(path: Path, actions: Sequence[tuple[ActionKind, int]]) -> dict[tuple[ActionKind, int], Motion] | None:
+    """Motions from the cache; None if they are not there, or the file is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {
+                (kind, index): Motion(
+                    **{name: file[f"{kind}_{index}_{name}"] for name in _ARRAYS},
+                    offered=float(file[f"{kind}_{index}_offered"]),
+                )
+                for kind, index in actions
+            }
+    except (OSError, KeyError, ValueError, EOFError):
+        return None
 
 
 class _Planner:
-    """The workcell as a kinematic model, and what is asked of it."""
+    """What the actions are made of."""
 
     def __init__(self, workcell: Workcell) -> None:
         self.workcell = workcell
-        self.home = np.array(workcell.home, dtype=float)
-        builder = DiagramBuilder()
-        # A discrete plant, as the mimic joint of the second finger asks for; never stepped.
-        self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, workcell.time_step)
-        add_workcell(self.plant, scene_graph, workcell, free_cubes=False)
-        self.plant.Finalize()
-        self.diagram = builder.Build()
-        self.context = self.diagram.CreateDefaultContext()
-        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
-        self.gripper = self.plant.GetFrameByName("panda_hand_tcp")
-        self._home_via = _Via("home", self.home, RigidTransform())
-        # Fingers are planned as open as they ever are.
-        self.fingers = np.full(NUM_FINGERS, workcell.gripper_open / 2)
-        self.lower = self.plant.GetPositionLowerLimits()[:NUM_ARM_JOINTS] + _JOINT_LIMIT_MARGIN
-        self.upper = self.plant.GetPositionUpperLimits()[:NUM_ARM_JOINTS] - _JOINT_LIMIT_MARGIN
-        self.max_velocity = workcell.velocity_scale * self.plant.GetVelocityUpperLimits()[:NUM_ARM_JOINTS]
-        self.max_acceleration = workcell.acceleration_scale * self.plant.GetAccelerationUpperLimits()[:NUM_ARM_JOINTS]
-        if np.any(self.home < self.lower) or np.any(self.home > self.upper):
-            raise InputError(
-                f"workcell.home: must stay {_JOINT_LIMIT_MARGIN} rad inside the joint limits, is {self.home.tolist()}"
-            )
+        self.scene = PlanningScene(workcell)
+        self.legs = LegPlanner(self.scene)
+        self.components = components(workcell)
+        home = np.array(workcell.home, dtype=float)
+        self.home = Via("home", home, self.scene.gripper_pose(home))
 
-    # ---- motions
+    def plan(self, kind: ActionKind, index: int) -> Motion:
+        """The motion of an action, for its component's nominal place."""
+        if kind in (ActionKind.ROBOT_TASK, ActionKind.PREPARE):
+            return self.fetch(kind, index, None, None)
+        if index == 1:
+            side: dict[ActionKind, Callable[[], Motion]]
+            side = {
+                ActionKind.JOINT: self._carry_side,
+                ActionKind.HOME: self._leave_side,
+                ActionKind.HOME_ABORTED: lambda: self._take_back(1),
+            }
+            return side[kind]()
+        key: dict[ActionKind, Callable[[int], Motion]]
+        key = {
+            ActionKind.JOINT: self._offer_key,
+            ActionKind.HOME: self._leave_person,
+            ActionKind.HOME_ABORTED: self._take_back,
+        }
+        return key[kind](index)
 
-    def plan_robot_task(self, i: int, cube: int, tray: int) -> _Motion:
-        """Home, down to a cube, up, down to a tray, up, home."""
-        rng = np.random.default_rng([self.workcell.seed, ActionKind.ROBOT_TASK, i])
-        opened, closed = self.workcell.gripper_open, self.workcell.gripper_closed
-        over_cube, at_cube = self._approach(f"cubes[{cube}]", self.workcell.cubes[cube], _CUBE, rng)
-        over_tray, at_tray = self._approach(f"trays[{tray}]", self.workcell.trays[tray], _TRAY, rng)
-        chain = _Chain(self, f"robot task {i}", self._home_via, opened)
-        chain.move(over_cube, at_cube)
-        chain.grip(closed)
-        chain.move(over_cube, over_tray, at_tray)
-        chain.grip(opened)
-        chain.move(over_tray, self._home_via)
+    def fetch(self, kind: ActionKind, index: int, located: np.ndarray | None, nominal: Motion | None) -> Motion:
+        """ROBOT_TASK or PREPARE with the component at ``located``, sought near the nominal motion's postures."""
+        number = component_index(self.workcell, kind, index)
+        assert number is not None
+        component = self.components[number]
+        near = None if nominal is None else nominal.approaches
+        if kind == ActionKind.ROBOT_TASK:
+            return self._sort(index, component, located, near)
+        return self._prepare(index, component, located, near)
+
+    # ---- robot tasks
+
+    def _sort(self, i: int, cube: Component, located: np.ndarray | None, near: np.ndarray | None) -> Motion:
+        w = self.workcell
+        tray = (i - 1) % len(w.trays)
+        over, at = self._pick(cube, located, near)
+        X_WTray = w.trays[tray].to_rigid_transform()
+        p_TrayO = [0.0, 0.0, _HEIGHT_OF_TRAY_FLOOR + cube.nominal.translation[2] + w.release_gap]
+        # Of the four equal yaws over the tray, that which turns the wrist least.
+        places = [X_WTray @ RigidTransform(p_TrayO) @ cube.grasp.X_OG(yaw) for yaw in cube.grasp.yaws]
+        name, floor = f"tray_{tray + 1}", f"floor of tray_{tray + 1}"
+        carried = Load(cube.model, (floor,), (cube.name, name), w.gripper_release)
+        let_go = Load("", (name,), (cube.name,), w.gripper_release)
+        over_tray, at_tray = self._approach(f"trays[{tray}]", places, carried, None if near is None else near[1])
+        chain = _Chain(self, f"robot task {i}", self.home.q, w.gripper_open)
+        chain.move([self.home, over, at], Load("", (cube.name,), (), w.gripper_open), arrive=True)
+        chain.grip(self._closed(cube))
+        chain.move([at, over, over_tray, at_tray], carried, leave=True, arrive=True)
+        chain.grip(w.gripper_release)
+        chain.move([at_tray, over_tray, self.home], let_go, leave=True)
+        chain.grip(w.gripper_open, during=True)
+        return chain.finish(approaches=[over.q, over_tray.q])
+
+    # ---- joint actions
+
+    def _prepare(self, index: int, component: Component, located: np.ndarray | None, near: np.ndarray | None) -> Motion:
+        w = self.workcell
+        over, at = self._pick(component, located, near)
+        load = Load(component.model, (component.name,), (component.name,), w.gripper_release)
+        prepared = self._prepared(index)
+        chain = _Chain(self, f"preparation {index}", self.home.q, w.gripper_open)
+        chain.move([self.home, over, at], Load("", (component.name,), (), w.gripper_open), arrive=True)
+        chain.grip(self._closed(component))
+        chain.move([at, over, *self._carried(index, over), prepared], load, leave=True)
+        return chain.finish(approaches=[over.q])
+
+    def _carry_side(self) -> Motion:
+        w = self.workcell
+        side = self._component(1)
+        load = Load(side.model, ("chair_base", PLACED_SIDE), (side.name, PLACED_SIDE), w.gripper_release)
+        over, at = self._placed(load)
+        prepared = self._prepared(1)
+        chain = _Chain(self, "joint action 1", prepared.q, self._closed(side))
+        leg = self.legs.plan("joint action 1", [prepared, over, at], load, arrive=True)
+        # The leg takes its share of the time; the person comes before it and goes after it.
+        unit = leg.times[-1] / (JOINT_END - JOINT_BEGIN)
+        chain.wait(JOINT_BEGIN * unit)
+        chain.follow(leg)
+        chain.grip(w.gripper_release)
+        chain.wait(max((1 - JOINT_END) * unit - chain.grip_duration(w.gripper_release), 0.0))
         return chain.finish()
 
-    def plan_joint_action(self, index: int, presentation: int, key: int) -> dict[ActionKind, _Motion]:
-        """The four motions around joint action ``index``; ``key`` -1 stands for the chair's side."""
-        rng = np.random.default_rng([self.workcell.seed, ActionKind.PREPARE, index])
-        opened, closed = self.workcell.gripper_open, self.workcell.gripper_closed
-        if key < 0:
-            over, at = self._approach("chair_side", self.workcell.chair_side, _CHAIR_SIDE, rng)
-        else:
-            over, at = self._approach(f"allen_keys[{key}]", self.workcell.allen_keys[key], _ALLEN_KEY, rng)
-        place = self.workcell.presentations[presentation]
-        where = f"presentations[{presentation}]"
-        prepared = self._via(f"{where}.prepared", [place.prepared.to_rigid_transform()], rng)
-        end = self._via(f"{where}.end", [place.end.to_rigid_transform()], rng, near=prepared.q)
-        home = self._home_via
+    def _leave_side(self) -> Motion:
+        w = self.workcell
+        load = Load("", ("chair_base", PLACED_SIDE), (), w.gripper_release)
+        over, at = self._placed(load)
+        chain = _Chain(self, "homing 1", at.q, w.gripper_release)
+        chain.move([at, over, self.home], load, leave=True)
+        chain.grip(w.gripper_open, during=True)
+        return chain.finish()
 
-        prepare = _Chain(self, f"preparation {index}", home, opened)
-        prepare.move(over, at)
-        prepare.grip(closed)
-        prepare.move(over, prepared)
-        joint = _Chain(self, f"joint action {index}", prepared, closed)
-        joint.move(end)
-        joint.grip(opened)
-        homing = _Chain(self, f"homing {index}", end, opened)
-        homing.move(home)
-        aborted = _Chain(self, f"aborted homing {index}", prepared, closed)
-        aborted.move(home)
-        aborted.grip(opened)
-        return {
-            ActionKind.PREPARE: prepare.finish(),
-            ActionKind.JOINT: joint.finish(),
-            ActionKind.HOME: homing.finish(),
-            ActionKind.HOME_ABORTED: aborted.finish(),
-        }
+    def _offer_key(self, index: int) -> Motion:
+        w = self.workcell
+        prepared, end = self._prepared(index), self._end(index)
+        load = Load(self._component(index).model, (), (self._component(index).name,), w.gripper_release)
+        chain = _Chain(self, f"joint action {index}", prepared.q, self._closed(self._component(index)))
+        leg = self.legs.plan(f"joint action {index}", [prepared, end], load)
+        chain.follow(leg)
+        chain.wait(leg.times[-1] * (1 / OFFERED - 1))
+        return chain.finish(offered=leg.times[-1])
+
+    def _leave_person(self, index: int) -> Motion:
+        w = self.workcell
+        chain = _Chain(self, f"homing {index}", self._end(index).q, w.gripper_open)
+        chain.move([self._end(index), self._prepared(index), self.home], Load("", (), (), w.gripper_open))
+        return chain.finish()
+
+    def _take_back(self, index: int) -> Motion:
+        """From the prepared position to where the component nominally lies, and home."""
+        w = self.workcell
+        component = self._component(index)
+        over, at = self._pick(component, None, None, gap=w.release_gap)
+        carried = Load(component.model, (component.name,), (component.name,), w.gripper_release)
+        prepared = self._prepared(index)
+        chain = _Chain(self, f"aborted homing {index}", prepared.q, self._closed(component))
+        chain.move([prepared, *self._carried(index, over), over, at], carried, arrive=True)
+        chain.grip(w.gripper_release)
+        chain.move([at, over, self.home], Load("", (component.name,), (), w.gripper_release), leave=True)
+        chain.grip(w.gripper_open, during=True)
+        return chain.finish()
 
     # ---- postures
 
-    def _approach(self, name: str, pose: Pose, grasp: _Grasp, rng: np.random.Generator) -> tuple[_Via, _Via]:
-        """Vias above an object and at it, the gripper pointing down, in whichever equal yaw suits the arm best."""
-        X_WO = pose.to_rigid_transform()
-        p_WG = X_WO @ np.array(grasp.p_O) + [0.0, 0.0, self.workcell.grasp_standoff]
-        yaw_WO = RollPitchYaw(X_WO.rotation()).yaw_angle()
-        at = [RigidTransform(RollPitchYaw(*_DOWN, yaw_WO + yaw), p_WG) for yaw in grasp.yaws]
+    def _component(self, index: int) -> Component:
+        number = component_index(self.workcell, ActionKind.PREPARE, index)
+        assert number is not None
+        return self.components[number]
+
+    def _closed(self, component: Component) -> float:
+        """[m] desired width of the gripper that holds it."""
+        return max(component.grasp.width - self.workcell.gripper_squeeze, 0.0)
+
+    def _presentation(self, index: int) -> int:
+        return (index - 2) % len(self.workcell.presentations)
+
+    def _prepared(self, index: int) -> Via:
+        """Where the robot waits with the component of joint action ``index``."""
+        component = self._component(index)
+        load = Load(component.model, (), (component.name,), self.workcell.gripper_release)
+        if index == 1:
+            X_WG = self.workcell.chair_side_prepared.to_rigid_transform() @ component.grasp.X_OG(
+                component.grasp.yaws[0]
+            )
+            return self._via("chair_side_prepared", [X_WG], load, self._turned(X_WG))
+        k = self._presentation(index)
+        X_WG = self.workcell.presentations[k].prepared.to_rigid_transform()
+        return self._via(f"presentations[{k}].prepared", [X_WG], load, self._turned(X_WG))
+
+    def _end(self, index: int) -> Via:
+        """Where it holds the key out."""
+        k = self._presentation(index)
+        X_WG = self.workcell.presentations[k].end.to_rigid_transform()
+        component = self._component(index)
+        load = Load(component.model, (), (component.name,), self.workcell.gripper_release)
+        return self._via(f"presentations[{k}].end", [X_WG], load, self._prepared(index).q)
+
+    def _placed(self, load: Load) -> tuple[Via, Via]:
+        """Over the chair, and where the side lies on it."""
+        side = self._component(1)
+        lift = RigidTransform([0.0, 0.0, self.workcell.release_gap])
+        X_WG = lift @ self.workcell.chair_side_placed.to_rigid_transform() @ side.grasp.X_OG(side.grasp.yaws[0])
+        return self._approach("chair_side_placed", [X_WG], load, self._prepared(1).q)
+
+    def _carried(self, index: int, over: Via) -> list[Via]:
+        """How the chair's side gets to the height at which it is carried; nothing for others."""
+        if index != 1:
+            return []
+        X_WG = RigidTransform(over.X_WG.rotation(), over.X_WG.translation())
+        p_WG = X_WG.translation().copy()
+        p_WG[2] = max(p_WG[2], self.workcell.carry_height)
+        load = Load("", (), (self._component(1).name,), self.workcell.gripper_release)
+        return [self._via("chair_side", [RigidTransform(X_WG.rotation(), p_WG)], load, over.q)]
+
+    def _pick(
+        self, component: Component, located: np.ndarray | None, near: np.ndarray | None, gap: float = 0.0
+    ) -> tuple[Via, Via]:
+        """Over a component, and where the gripper takes it (or, ``gap`` [m] higher, puts it down)."""
+        X_WO = component.pose(component.located if located is None else located)
+        lift = RigidTransform([0.0, 0.0, gap])
+        candidates = [lift @ X_WO @ component.grasp.X_OG(yaw) for yaw in component.grasp.yaws]
+        load = Load("", (component.name,), (), self.workcell.gripper_open)
+        return self._approach(component.name, candidates, load, None if near is None else near[0])
+
+    def _approach(
+        self, name: str, candidates: Sequence[RigidTransform], load: Load, near: np.ndarray | None
+    ) -> tuple[Via, Via]:
+        """Vias over a place and at it, in whichever of the equal yaws suits the arm best."""
         lift = RigidTransform([0.0, 0.0, self.workcell.approach_height])
-        over_via = self._via(name, [lift @ X_WG for X_WG in at], rng)
-        at_via = self._via(name, [lift.inverse() @ over_via.X_WG], rng, near=over_via.q)
-        return over_via, at_via
+        lifted = [lift @ X_WG for X_WG in candidates]
+        over = self._via(name, lifted, load, self._turned(lifted[0]) if near is None else near)
+        at = self._via(
+            name, [lift.inverse() @ over.X_WG], load, over.q, clearance=1.1 * self.workcell.contact_clearance
+        )
+        return over, at
+
+    def _turned(self, X_WG: RigidTransform) -> np.ndarray:
+        """(7) [rad] the home posture turned towards a place."""
+        q = self.home.q.copy()
+        x, y, _ = X_WG.translation()
+        q[0] = np.clip(q[0] + atan2(y, x), self.scene.lower[0], self.scene.upper[0])
+        return q
 
     def _via(
         self,
         name: str,
         candidates: Sequence[RigidTransform],
-        rng: np.random.Generator,
-        near: np.ndarray | None = None,
-    ) -> _Via:
-        """The posture nearest to ``near`` (by default the home posture turned towards the place) of all candidates."""
-        if near is None:
-            p_WG = candidates[0].translation()
-            near = self.home.copy()
-            near[0] = np.clip(near[0] + atan2(p_WG[1], p_WG[0]), self.lower[0], self.upper[0])
-        best: tuple[float, np.ndarray, RigidTransform] | None = None
-        for X_WG in candidates:
-            solution = self._solve_ik(X_WG, near, near)
-            if solution is not None and (best is None or solution[0] < best[0]):
-                best = (*solution, X_WG)
-        for _ in range(_IK_RESTARTS):
-            if best is not None:
-                return _Via(name, best[1], best[2])
-            X_WG = candidates[int(rng.integers(len(candidates)))]
-            solution = self._solve_ik(X_WG, near, rng.uniform(self.lower, self.upper))
-            if solution is not None:
-                best = (*solution, X_WG)
-        p = candidates[0].translation()
-        raise InputError(
-            f"workcell.{name}: no posture of the arm reaches ({p[0]:.3f}, {p[1]:.3f}, {p[2]:.3f}) m with"
-            f" {self.workcell.clearance} m clearance; move it or reduce workcell.clearance"
-        )
-
-    def _solve_ik(self, X_WG: RigidTransform, near: np.ndarray, guess: np.ndarray) -> tuple[float, np.ndarray] | None:
-        """One attempt of inverse kinematics: (cost, q), or None."""
-        ik = InverseKinematics(self.plant, self.plant_context)
-        prog, q = ik.get_mutable_prog(), ik.q()
-        prog.AddBoundingBoxConstraint(self.lower, self.upper, q[:NUM_ARM_JOINTS])
-        prog.AddBoundingBoxConstraint(self.fingers, self.fingers, q[NUM_ARM_JOINTS:])
-        tolerance = np.full(3, 1e-4)
-        world = self.plant.world_frame()
-        p_WG = X_WG.translation()
-        ik.AddPositionConstraint(self.gripper, np.zeros(3), world, p_WG - tolerance, p_WG + tolerance)
-        ik.AddOrientationConstraint(world, X_WG.rotation(), self.gripper, RigidTransform().rotation(), 1e-2)
-        ik.AddMinimumDistanceLowerBoundConstraint(1.1 * self.workcell.clearance, 0.01)
-        # The elbow's swivel costs more, the wrist's last turn less.
-        weight = np.diag([1.0, 1.0, 2.0, 1.0, 1.0, 1.0, 0.3])
-        prog.AddQuadraticErrorCost(weight, near, q[:NUM_ARM_JOINTS])
-        result = SnoptSolver().Solve(prog, np.concatenate([guess, self.fingers]), None)
-        if not result.is_success():
-            return None
-        return result.get_optimal_cost(), result.GetSolution(q)[:NUM_ARM_JOINTS]
-
-    def clearance(self, q: np.ndarray) -> tuple[float, str]:
-        """Least distance [m] (at most 0.10) at arm positions q (7), and the names of the two geometries."""
-        self.plant.SetPositions(self.plant_context, np.concatenate([q, self.fingers]))
-        query = self.plant.get_geometry_query_input_port().Eval(self.plant_context)
-        pairs = query.ComputeSignedDistancePairwiseClosestPoints(_MAX_CLEARANCE)
-        if not pairs:
-            return _MAX_CLEARANCE, ""
-        nearest = min(pairs, key=lambda pair: pair.distance)
-        inspector = query.inspector()
-        names = (inspector.GetName(inspector.GetFrameId(g)) for g in (nearest.id_A, nearest.id_B))
-        return nearest.distance, " and ".join(names)
-
-    # ---- paths
-
-    def leg(self, vias: Sequence[_Via]) -> PathParameterizedTrajectory:
-        """The fastest trajectory (9: arm and fingers) through the vias, at rest at both ends.
-
-        A stretch of the spline that comes too near to something is led over it: straight up first, and straight down
-        again at its end, higher at each attempt.
-        """
-        q = [vias[0].q]
-        for via in vias[1:-1]:  # a spline needs ways between its vias
-            if min(np.max(np.abs(via.q - other)) for other in (q[-1], vias[-1].q)) > _SHORT_WAY:
-                q.append(via.q)
-        q.append(vias[-1].q)
-        path = self._spline(q)
-        stretch = self._find_violation(path)
-        for attempt in range(1, _MAX_DETOURS + 1):
-            if stretch is None:
-                break
-            height = attempt * self.workcell.approach_height
-            lifted = [self._lift(q[k], height) for k in (stretch, stretch + 1)]
-            over = [via for via in lifted if via is not None]
-            candidate = self._spline([*q[: stretch + 1], *over, *q[stretch + 1 :]])
-            if self._find_violation(candidate) is None:
-                path, stretch = candidate, None
-        # What still comes too near is refused by the check of the finished motion, with its distance.
-        limits = [np.append(limit, np.ones(NUM_FINGERS)) for limit in (self.max_velocity, self.max_acceleration)]
-        start, end = path.start_time(), path.end_time()
-        # TOPPRA's backward pass fails now and then for numerical reasons; other grid points help.
-        for grid in (
-            Toppra.CalcGridPoints(path, CalcGridPointsOptions()),
-            np.linspace(start, end, 101),
-            np.linspace(start, end, 201),
-        ):
-            toppra = Toppra(path, self.plant, grid)
-            toppra.AddJointVelocityLimit(-limits[0], limits[0])
-            toppra.AddJointAccelerationLimit(-limits[1], limits[1])
-            timing = toppra.SolvePathParameterization()
-            if timing is not None:
-                return PathParameterizedTrajectory(path, timing)
-        raise InputError(
-            f"workcell: no timing found for the path from {vias[0].name} to {vias[-1].name}; move one of them slightly"
-        )
-
-    def _spline(self, q: Sequence[np.ndarray]) -> PiecewisePolynomial:
-        """Cubic spline (9) with continuous second derivative; starts and ends straight along its outer chords."""
-        samples = np.array([np.concatenate([via, self.fingers]) for via in q])
-        chords = np.diff(samples, axis=0)
-        lengths = np.max(np.abs(chords[:, :NUM_ARM_JOINTS]) / self.max_velocity, axis=1)
-        breaks = np.concatenate([[0.0], np.cumsum(lengths)])
-        return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-            breaks, samples.T, chords[0] / lengths[0], chords[-1] / lengths[-1]
-        )
-
-    def _find_violation(self, path: PiecewisePolynomial) -> int | None:
-        """Index of the first segment of the path that comes too near to something."""
-        for s in np.linspace(path.start_time(), path.end_time(), _PATH_SAMPLES):
-            if self.clearance(path.value(s)[:NUM_ARM_JOINTS, 0])[0] < self.workcell.clearance:
-                return path.get_segment_index(s)
-        return None
-
-    def _lift(self, q: np.ndarray, height: float) -> np.ndarray | None:
-        """The posture (7) with the gripper raised by ``height`` [m], None if there is none."""
-        self.plant.SetPositions(self.plant_context, np.concatenate([q, self.fingers]))
-        X_WG = self.gripper.CalcPoseInWorld(self.plant_context)
-        solution = self._solve_ik(RigidTransform([0.0, 0.0, height]) @ X_WG, q, q)
-        return None if solution is None else solution[1]
+        load: Load,
+        near: np.ndarray,
+        clearance: float | None = None,
+    ) -> Via:
+        rng = np.random.default_rng([self.workcell.seed, *name.encode()])
+        kept = 1.1 * self.workcell.clearance if clearance is None else clearance
+        return self.legs.via(name, candidates, rng, near, load, kept)
 
 
 class _Chain:
     """A motion under construction: legs and gripper pauses, one after the other."""
 
-    def __init__(self, planner: _Planner, name: str, start: _Via, width: float) -> None:
+    def __init__(self, planner: _Planner, name: str, start: np.ndarray, width: float) -> None:
         self._planner = planner
         self._name = name
-        self._times = [0.0]
-        self._positions = [start.q]
-        self._velocities = [np.zeros(NUM_ARM_JOINTS)]
-        self._width_times = [0.0]
-        self._widths = [width]
+        self._times = [np.zeros(1)]
+        self._positions = [start[None]]
+        self._velocities = [np.zeros((1, NUM_ARM_JOINTS))]
+        self._width_times, self._widths = [0.0], [width]
+        self._begin = 0.0  # [s] of the last leg
 
-    def move(self, *vias: _Via) -> None:
-        """Moves from where the chain is, at rest, through the vias to rest at the last one."""
-        here = _Via("its start", self._positions[-1], RigidTransform())
-        if all(np.max(np.abs(via.q - here.q)) < _SHORT_WAY for via in vias):
-            self._append(_SHORT_TIME, vias[-1].q, self._widths[-1])
-            return
-        leg = self._planner.leg([here, *vias])
-        # Between TOPPRA's grid points the path acceleration is constant: a cubic through them loses nothing.
-        times = np.array(leg.time_scaling().get_segment_times())
-        begin = self._times[-1]
-        for t in times[1:]:
-            self._times.append(begin + t - times[0])
-            self._positions.append(leg.value(t)[:NUM_ARM_JOINTS, 0])
-            self._velocities.append(leg.EvalDerivative(t, 1)[:NUM_ARM_JOINTS, 0])
-        self._velocities[-1] = np.zeros(NUM_ARM_JOINTS)
-        self._width_times.append(self._times[-1])
-        self._widths.append(self._widths[-1])
+    @property
+    def _now(self) -> float:
+        return float(self._times[-1][-1])
 
-    def grip(self, width: float) -> None:
-        """Waits while the gripper changes its width [m]."""
-        duration = abs(width - self._widths[-1]) / self._planner.workcell.gripper_speed
+    def move(self, vias: Sequence[Via], load: Load, *, leave: bool = False, arrive: bool = False) -> None:
+        """Plans a leg through the vias, from where the chain is, and follows it."""
+        self.follow(self._planner.legs.plan(self._name, vias, load, leave=leave, arrive=arrive))
+
+    def follow(self, leg) -> None:
+        """Follows a leg, from where the chain is."""
+        self._begin = self._now
+        self._append(leg.times[1:] + self._now, leg.positions[1:], leg.velocities[1:])
+
+    def wait(self, duration: float) -> None:
+        """Rests [s]."""
         if duration > 0:
-            self._append(duration, self._positions[-1], width)
+            self._append(np.array([self._now + duration]), self._positions[-1][-1:], np.zeros((1, NUM_ARM_JOINTS)))
 
-    def _append(self, duration: float, q: np.ndarray, width: float) -> None:
-        """Goes to q (7) and to the width on a cubic, from rest to rest."""
-        self._times.append(self._times[-1] + duration)
-        self._positions.append(q)
-        self._velocities.append(np.zeros(NUM_ARM_JOINTS))
-        self._width_times.append(self._times[-1])
-        self._widths.append(width)
+    def grip_duration(self, width: float) -> float:
+        """[s] that ``grip`` takes from where the gripper last was not at this width."""
+        w = self._planner.workcell
+        return abs(width - self._widths[-2 if len(self._widths) > 1 else -1]) / w.gripper_speed + w.grip_time
 
-    def finish(self) -> _Motion:
-        """Checks the clearance of the whole motion and returns it."""
-        trajectory = PiecewisePolynomial.CubicHermite(
-            self._times, np.array(self._positions).T, np.array(self._velocities).T
+    def grip(self, width: float, *, during: bool = False) -> None:
+        """Changes the gripper's width [m] and waits until it holds; ``during``: instead in the middle of the last leg."""
+        w = self._planner.workcell
+        change = abs(width - self._widths[-1]) / w.gripper_speed
+        if during:
+            begin = (self._begin + self._now) / 2
+            change = min(change, self._now - begin)
+        else:
+            begin = self._now
+            self.wait(change + w.grip_time)
+        self._width_times += [begin, begin + change]
+        self._widths += [self._widths[-1], width]
+
+    def _append(self, times: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> None:
+        self._times.append(times)
+        self._positions.append(positions)
+        self._velocities.append(velocities)
+
+    def finish(self, *, offered: float = -1.0, approaches: Sequence[np.ndarray] = ()) -> Motion:
+        """The motion."""
+        return Motion(
+            np.concatenate(self._times),
+            np.concatenate(self._positions),
+            np.concatenate(self._velocities),
+            np.array(self._width_times),
+            np.array(self._widths),
+            offered,
+            np.array(approaches).reshape(-1, NUM_ARM_JOINTS),
         )
-        for t in np.linspace(0.0, self._times[-1], int(self._times[-1] / _SAMPLE_STEP) + 2):
-            distance, names = self._planner.clearance(trajectory.value(t)[:, 0])
-            if distance < self._planner.workcell.clearance:
-                raise InputError(
-                    f"workcell: {self._name} leaves only {distance:.4f} m between {names}, clearance is"
-                    f" {self._planner.workcell.clearance} m; move the places apart or reduce workcell.clearance"
-                )
-        return _Motion(trajectory, np.array(self._width_times), np.array(self._widths))

@@ -18,54 +18,56 @@ from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInter
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
 from pace_drake.stations.person import Person
-from pace_drake.stations.workcell import Pose, Workcell
+from pace_drake.stations.components import components
+from pace_drake.stations.workcell import Workcell
 
 NUM_ARM_JOINTS = 7
 NUM_FINGERS = 2
 
 
-def add_workcell(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workcell, *, free_cubes: bool) -> None:
-    """Adds everything that stands in the workcell, the Panda included. The caller finalizes the plant.
+def add_furniture(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workcell) -> Parser:
+    """Adds what stands still, the Panda included. The caller finalizes the plant.
 
-    Model instances: those of ``models/workcell.dmd.yaml``, ``chair_side``, and ``cube_1``, ``tray_1``,
-    ``allen_key_1``, ... in the order of the workcell's lists.
+    Model instances: those of ``models/workcell.dmd.yaml``, and ``tray_1``, ... in the order of the workcell's list.
 
     Args:
         plant: not yet finalized, registered with ``scene_graph``.
-        scene_graph: where cubes and trays get their colours.
+        scene_graph: where trays get their colours.
         workcell: poses and colours.
-        free_cubes: True lets the cubes move under contact, False welds them where they lie.
+
+    Returns:
+        The parser, for more models.
     """
     models = resource_path("models/package.xml").parent
     parser = Parser(plant, scene_graph)
     parser.SetAutoRenaming(True)
     parser.package_map().AddPackageXml(str(models / "package.xml"))
     ProcessModelDirectives(LoadModelDirectives(str(models / "workcell.dmd.yaml")), parser)
-
-    def add(model: str, name: str, pose: Pose, *, weld: bool = True) -> RigidBody:
-        (instance,) = parser.AddModels(str(models / f"{model}.sdf"))
-        plant.RenameModelInstance(instance, name)
-        body = plant.GetBodyByName(model, instance)
-        if weld:
-            plant.WeldFrames(plant.world_frame(), body.body_frame(), pose.to_rigid_transform())
-        else:
-            plant.SetDefaultFloatingBaseBodyPose(body, pose.to_rigid_transform())
-        return body
-
-    def paint(body: RigidBody, k: int) -> None:
-        _paint(plant, scene_graph, body, Rgba(*workcell.colors[k % len(workcell.colors)]))
-
-    add("chair_side", "chair_side", workcell.chair_side)
-    for k, pose in enumerate(workcell.allen_keys):
-        add("allen_key", f"allen_key_{k + 1}", pose)
     for k, pose in enumerate(workcell.trays):
-        paint(add("tray", f"tray_{k + 1}", pose), k)
-    for k, pose in enumerate(workcell.cubes):
-        paint(add("cube", f"cube_{k + 1}", pose, weld=not free_cubes), k)
+        body = _add_model(plant, parser, "tray", f"tray_{k + 1}")
+        plant.WeldFrames(plant.world_frame(), body.body_frame(), pose.to_rigid_transform())
+        _paint(plant, scene_graph, body, workcell, k)
+    return parser
 
 
-def _paint(plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody, color: Rgba) -> None:
-    """Shows the collision boxes of a body that has no look of its own in its file."""
+def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workcell, parser: Parser) -> None:
+    """Adds the components, free to move, where they nominally lie; model instances by ``components``' names."""
+    for k, component in enumerate(components(workcell)):
+        body = _add_model(plant, parser, component.model, component.name)
+        plant.SetDefaultFloatingBaseBodyPose(body, component.nominal.to_rigid_transform())
+        if component.model == "cube":
+            _paint(plant, scene_graph, body, workcell, k)
+
+
+def _add_model(plant: MultibodyPlant, parser: Parser, model: str, name: str) -> RigidBody:
+    (instance,) = parser.AddModels(str(resource_path(f"models/{model}.sdf")))
+    plant.RenameModelInstance(instance, name)
+    return plant.GetBodyByName(model, instance)
+
+
+def _paint(plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody, workcell: Workcell, k: int) -> None:
+    """Shows the collision boxes of a body that has no look of its own in its file, in the k-th colour."""
+    color = Rgba(*workcell.colors[k % len(workcell.colors)])
     inspector = scene_graph.model_inspector()
     for geometry_id in plant.GetCollisionGeometriesForBody(body):
         shape = inspector.GetShape(geometry_id)
@@ -114,10 +116,16 @@ def make_plant_station(
 
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=workcell.time_step, contact_model="point", discrete_contact_approximation="sap"),
+        MultibodyPlantConfig(
+            time_step=workcell.time_step,
+            contact_model="point",
+            discrete_contact_approximation="sap",
+            # Stiff enough for a gripped thing to stay within a quarter of a millimetre of the fingers.
+            sap_near_rigid_threshold=0.3,
+        ),
         builder,
     )
-    add_workcell(plant, scene_graph, workcell, free_cubes=True)
+    add_components(plant, scene_graph, workcell, add_furniture(plant, scene_graph, workcell))
     panda = plant.GetModelInstanceByName("panda")
     plant.set_gravity_enabled(panda, False)
     for k in range(NUM_ARM_JOINTS):

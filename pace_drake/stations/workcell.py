@@ -29,25 +29,31 @@ class Pose:
 
 @dataclass(kw_only=True)
 class Presentation:
-    """Where the gripper waits for the human before a joint action, and where the joint action ends."""
+    """How a thing is handed to the person: two poses of the gripper (frame ``panda_hand_tcp``) and a place of the hand."""
 
     prepared: Pose = field(default_factory=Pose)
-    """X_WG of the gripper (frame ``panda_hand_tcp``) when the robot is prepared."""
+    """X_WG where the robot, prepared, waits for the person."""
     end: Pose = field(default_factory=Pose)
-    """X_WG when the joint action ends."""
+    """X_WG where it holds the thing out."""
+    hand: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """[m] p_WH where the person's hand takes it."""
 
-
-def _down(x: float, y: float, z: float, *, pitch: float = 0.0) -> Pose:
-    return Pose(translation=[x, y, z], rpy=[pi, pitch, 0.0])
+    def validate(self, name: str) -> None:
+        """Raises InputError that names the field if a value cannot be used."""
+        self.prepared.validate(f"{name}.prepared")
+        self.end.validate(f"{name}.end")
+        _require_numbers(self.hand, 3, f"{name}.hand")
 
 
 def _presentations() -> list[Presentation]:
+    # The gripper tilted towards the person; then held out a little further, the key's short end up to the person.
     return [
-        # The chair's side over the near edge of the assembly table, then lowered onto the rails.
-        Presentation(prepared=_down(0.56, 0.0, 0.40), end=_down(0.65, 0.0, 0.29)),
-        # The Allen keys, gripper tilted towards the person, then held out a little further.
-        Presentation(prepared=_down(0.60, 0.10, 0.30, pitch=-pi / 3), end=_down(0.66, 0.10, 0.28, pitch=-pi / 3)),
-        Presentation(prepared=_down(0.60, -0.10, 0.30, pitch=-pi / 3), end=_down(0.66, -0.10, 0.28, pitch=-pi / 3)),
+        Presentation(
+            prepared=Pose(translation=[0.56, y, 0.32], rpy=[pi, -pi / 4, 0.0]),
+            end=Pose(translation=[0.64, y, 0.32], rpy=[pi, -pi / 4, 0.0]),
+            hand=[0.71, y, 0.39],
+        )
+        for y in (0.10, -0.10)
     ]
 
 
@@ -73,19 +79,21 @@ class Workcell:
     """[N m/rad] (7) joint stiffness: twice the default joint impedance of the Franka Control Interface."""
     derivative_gain: list[float] = field(default_factory=lambda: [150.0, 150.0, 120.0, 100.0, 60.0, 50.0, 50.0])
     """[N m s/rad] (7) joint damping."""
-    gripper_proportional_gain: float = 2000.0
+    gripper_proportional_gain: float = 8000.0
     """[N/m] stiffness of the finger actuator."""
-    gripper_derivative_gain: float = 80.0
+    gripper_derivative_gain: float = 160.0
     """[N s/m] damping of the finger actuator."""
 
     cubes: list[Pose] = field(
-        default_factory=lambda: [Pose(translation=[x, y, 0.02]) for x in (0.33, 0.41) for y in (-0.27, -0.35)]
+        default_factory=lambda: [Pose(translation=[x, y, 0.02]) for x in (0.29, 0.41) for y in (-0.26, -0.37)]
     )
     """X_WO of the cubes' centres in the pile on the sorting table; robot task i takes cube i, cyclically."""
+    cube_spread: list[float] = field(default_factory=lambda: [0.01, 0.01, 0.4])
+    """[m, m, rad] a cube lies at most this far from its place in the pile: x, y, yaw, each drawn evenly."""
     trays: list[Pose] = field(
         default_factory=lambda: [Pose(translation=[x, y, 0.0]) for x in (0.27, 0.43) for y in (-0.49, -0.63)]
     )
-    """X_WO of the centres of the trays' lower faces; robot task i ends over tray i, cyclically."""
+    """X_WO of the centres of the trays' lower faces; robot task i puts its cube into tray i, cyclically."""
     colors: list[list[float]] = field(
         default_factory=lambda: [
             [0.86, 0.22, 0.20, 1.0],
@@ -98,30 +106,49 @@ class Workcell:
 
     chair_side: Pose = field(default_factory=lambda: Pose(translation=[0.35, 0.66, 0.0], rpy=[0.0, 0.0, pi / 2]))
     """X_WO of the chair's loose side on the warehouse table: fetched for joint action 1."""
+    chair_side_spread: list[float] = field(default_factory=lambda: [0.015, 0.015, 0.08])
+    """[m, m, rad] as ``cube_spread``."""
+    chair_side_prepared: Pose = field(default_factory=lambda: Pose(translation=[0.66, 0.0, 0.37]))
+    """X_WO where the robot, prepared, holds the chair's side until the person takes the far end."""
+    chair_side_placed: Pose = field(default_factory=lambda: Pose(translation=[0.80, 0.0, 0.225]))
+    """X_WO of the chair's side on the rails, where robot and person carry it."""
     allen_keys: list[Pose] = field(
-        default_factory=lambda: [Pose(translation=[x, 0.38, 0.0], rpy=[0.0, 0.0, 0.3]) for x in (0.28, 0.44)]
+        default_factory=lambda: [Pose(translation=[x, 0.38, 0.0], rpy=[0.0, 0.0, 0.3 - pi]) for x in (0.26, 0.44)]
     )
     """X_WO of the Allen keys on the warehouse table: fetched for joint actions 2, 3, ..., cyclically."""
+    allen_key_spread: list[float] = field(default_factory=lambda: [0.015, 0.015, 0.3])
+    """[m, m, rad] as ``cube_spread``."""
     presentations: list[Presentation] = field(default_factory=_presentations)
-    """For joint action 1 (the chair's side), then for 2, 3, ..., which take the rest cyclically."""
+    """For joint actions 2, 3, ..., which take them cyclically."""
 
-    grasp_standoff: float = 0.03
-    """[m] height of the gripper's TCP over the object's top where it would grasp it."""
-    approach_height: float = 0.12
+    approach_height: float = 0.10
     """[m] length of the straight way down to a grasp and up from it."""
+    carry_height: float = 0.33
+    """[m] at least as high above the table is the chair's side carried."""
+    release_gap: float = 0.002
+    """[m] between a thing and what it is put on, when the gripper opens."""
+    release_distance: float = 0.05
+    """[m] a key is let go when the person's hand is within this of where it takes it."""
     gripper_open: float = 0.07
     """[m] width of the open gripper, at home and on the way to a grasp."""
-    gripper_closed: float = 0.045
-    """[m] width of the closed gripper."""
-    gripper_speed: float = 0.08
-    """[m/s] rate at which the width changes (the Franka Hand allows 0.1)."""
+    gripper_release: float = 0.052
+    """[m] width to which it opens to let go of something between other things."""
+    gripper_squeeze: float = 0.016
+    """[m] by which the desired width of the closed gripper is less than that of what it holds; with the gain this gives
+    the force: 32 N a finger."""
+    gripper_speed: float = 0.1
+    """[m/s] rate at which the width changes, the Franka Hand's."""
+    grip_time: float = 0.1
+    """[s] the arm rests after the gripper has closed or opened."""
 
-    velocity_scale: float = 0.75
+    velocity_scale: float = 0.8
     """[-] share of the joint velocity limits that a motion may use."""
-    acceleration_scale: float = 0.5
+    acceleration_scale: float = 0.6
     """[-] share of the joint acceleration limits that a motion may use."""
     clearance: float = 0.015
-    """[m] least distance between the arm and anything else, itself included, along every motion."""
+    """[m] least distance between the arm, with what it carries, and anything else, itself included, along every motion."""
+    contact_clearance: float = 0.003
+    """[m] likewise on the straight way to a grasp or a place and back, but for what is gripped or put down on."""
     seed: int = 0
     """Seed of the restarts of inverse kinematics."""
 
@@ -132,12 +159,17 @@ class Workcell:
             "reference_period",
             "gripper_proportional_gain",
             "gripper_derivative_gain",
-            "grasp_standoff",
             "approach_height",
+            "carry_height",
+            "release_gap",
+            "release_distance",
+            "gripper_squeeze",
             "gripper_speed",
+            "grip_time",
             "velocity_scale",
             "acceleration_scale",
             "clearance",
+            "contact_clearance",
         ):
             value = getattr(self, attribute)
             if not (isfinite(value) and value > 0):
@@ -145,10 +177,10 @@ class Workcell:
         for attribute in ("velocity_scale", "acceleration_scale"):
             if getattr(self, attribute) > 1:
                 raise InputError(f"{name}.{attribute}: must be <= 1, is {getattr(self, attribute)}")
-        if not 0 <= self.gripper_closed <= self.gripper_open <= MAX_GRIPPER_WIDTH:
+        if not 0 < self.gripper_release <= self.gripper_open <= MAX_GRIPPER_WIDTH:
             raise InputError(
-                f"{name}.gripper_open: 0 <= gripper_closed <= gripper_open <= {MAX_GRIPPER_WIDTH} [m] must hold,"
-                f" are {self.gripper_closed} and {self.gripper_open}"
+                f"{name}.gripper_open: 0 < gripper_release <= gripper_open <= {MAX_GRIPPER_WIDTH} [m] must hold, are"
+                f" {self.gripper_release} and {self.gripper_open}"
             )
         for attribute in ("home", "proportional_gain", "derivative_gain"):
             _require_numbers(getattr(self, attribute), 7, f"{name}.{attribute}")
@@ -160,17 +192,21 @@ class Workcell:
             ("trays", 1),
             ("colors", 1),
             ("allen_keys", 1),
-            ("presentations", 2),
+            ("presentations", 1),
         ):
             if len(getattr(self, attribute)) < least:
                 raise InputError(f"{name}.{attribute}: needs at least {least}, has {len(getattr(self, attribute))}")
         for attribute in ("cubes", "trays", "allen_keys"):
             for k, pose in enumerate(getattr(self, attribute)):
                 pose.validate(f"{name}.{attribute}[{k}]")
-        self.chair_side.validate(f"{name}.chair_side")
+        for attribute in ("chair_side", "chair_side_prepared", "chair_side_placed"):
+            getattr(self, attribute).validate(f"{name}.{attribute}")
+        for attribute in ("cube_spread", "chair_side_spread", "allen_key_spread"):
+            _require_numbers(getattr(self, attribute), 3, f"{name}.{attribute}")
+            if min(getattr(self, attribute)) < 0:
+                raise InputError(f"{name}.{attribute}: must be >= 0, is {getattr(self, attribute)}")
         for k, presentation in enumerate(self.presentations):
-            presentation.prepared.validate(f"{name}.presentations[{k}].prepared")
-            presentation.end.validate(f"{name}.presentations[{k}].end")
+            presentation.validate(f"{name}.presentations[{k}]")
         for k, color in enumerate(self.colors):
             _require_numbers(color, 4, f"{name}.colors[{k}]")
             if not all(0 <= channel <= 1 for channel in color):
