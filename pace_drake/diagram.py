@@ -2,13 +2,19 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource
 
 from pace_drake.errors import InputError
 from pace_drake.people import People, load_people
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
+from pace_drake.stations.components import components
+from pace_drake.stations.joint_paths import joint_paths
+from pace_drake.stations.layout import Layout
+from pace_drake.stations.plant import PlantStation
 from pace_drake.systems.action_monitor import ActionMonitor
 from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
@@ -18,7 +24,7 @@ from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.task_statechart import TaskStatechart
-from pace_drake.task import Episode
+from pace_drake.task import ActionKind, Episode
 
 if TYPE_CHECKING:
     pass
@@ -98,7 +104,15 @@ class Assembly(Diagram):
             return builder.AddSystem(system)
 
         period = scenario.human.sample_period
-        self.human: Human = add(Human(task, self.people.demonstrations, period, reaction_period))
+        self.human: Human = add(
+            Human(
+                task,
+                self.people.demonstrations,
+                joint_paths(scenario.workcell, task.num_joint_actions),
+                period,
+                reaction_period,
+            )
+        )
         estimators = self.people.estimators(scenario)
         self.phase_estimator: PhaseEstimator = add(PhaseEstimator(estimators, period))
         seen = scenario.observation if policy is None else policy.observation
@@ -115,7 +129,10 @@ class Assembly(Diagram):
                 reaction_period,
             )
         )
-        self.robot_action: RobotAction = add(RobotAction(task, motions, reaction_period=reaction_period))
+        num_components = len(components(scenario.workcell))
+        self.robot_action: RobotAction = add(
+            RobotAction(task, motions, num_components, reaction_period=reaction_period)
+        )
         self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
         self.action_monitor: ActionMonitor | None = None
         if scenario.human.monitor != "told":
@@ -181,7 +198,9 @@ class Assembly(Diagram):
             connect(self.robot_action, "position", station, "panda.position")
             connect(self.robot_action, "gripper_position", station, "gripper.position")
             connect(self.human, "p_WH", station, "p_WH")
+            connect(self.human, "p_WH", self.robot_action, "p_WH")
             connect(station, "panda.position_measured", self.robot_action, "position_measured")
+            self._locate_components(builder, station, scenario)
             for k in range(station.num_output_ports()):
                 builder.ExportOutput(station.get_output_port(k), station.get_output_port(k).get_name())
         for source, names in (
@@ -198,6 +217,35 @@ class Assembly(Diagram):
                 builder.ExportOutput(source.GetOutputPort(name), name)
         builder.BuildInto(self)
         self.set_name("assembly")
+
+    def _locate_components(self, builder: DiagramBuilder, station: Diagram, scenario: Scenario) -> None:
+        """Where the components are: true where the station knows, else where they nominally lie."""
+        n = len(components(scenario.workcell))
+        ages = builder.AddNamedSystem("component_ages", ConstantVectorSource(np.zeros(n)))
+        builder.Connect(ages.get_output_port(), self.robot_action.GetInputPort("component_ages"))
+        if station.HasOutputPort("component_poses"):
+            poses = station.GetOutputPort("component_poses")
+        else:
+            nominal = [component.nominal.to_rigid_transform() for component in components(scenario.workcell)]
+            values = [np.append(X_WO.rotation().ToQuaternion().wxyz(), X_WO.translation()) for X_WO in nominal]
+            poses = builder.AddNamedSystem(
+                "component_poses", ConstantVectorSource(np.concatenate(values))
+            ).get_output_port()
+        builder.Connect(poses, self.robot_action.GetInputPort("component_poses"))
+
+    def set_layout(self, context: Context, layout: Layout) -> None:
+        """Puts the components where an episode begins; only with a plant."""
+        assert isinstance(self.station, PlantStation)
+        self.station.set_layout(context, layout)
+
+    def refill_pile(self, context: Context) -> None:
+        """Puts the cube that an update of ``robot_action`` now would fetch back into the pile, if it is not there."""
+        if not isinstance(self.station, PlantStation):
+            return
+        begins = self.robot_action.begins(self.robot_action.GetMyContextFromRoot(context))
+        if begins is not None and begins[0] == ActionKind.ROBOT_TASK:
+            _, index, sequence = begins
+            self.station.refill(context, (index - 1) % len(self.scenario.workcell.cubes), sequence)
 
     def set_episode(self, context: Context, episode: Episode) -> None:
         """Puts everything random of one episode into the diagram's context."""

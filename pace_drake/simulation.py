@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from pace_drake.diagram import Assembly
+from pace_drake.stations.layout import Layout, sample_layout
 from pace_drake.task import Episode
 
 
@@ -93,11 +94,22 @@ class Simulation:
         """Draws an episode of the assembly's people and task."""
         return self.assembly.people.sample(self.assembly.scenario, rng)
 
-    def reset(self, episode: Episode) -> None:
-        """Starts an episode at time 0; of the one before, only inputs fixed from outside (stop, ack) are left."""
+    def sample_layout(self, rng: np.random.Generator) -> Layout:
+        """Draws where the components lie."""
+        return sample_layout(self.assembly.scenario.workcell, rng)
+
+    def reset(self, episode: Episode, layout: Layout | None = None) -> None:
+        """Starts an episode at time 0; of the one before, only inputs fixed from outside (stop, ack) are left.
+
+        Args:
+            episode: what was drawn of people and durations.
+            layout: where the components lie; only with a plant, and there the middle of their zones by default.
+        """
         self.assembly.SetDefaultContext(self.context)
         self.context.SetTime(0.0)
         self.assembly.set_episode(self.context, episode)
+        if layout is not None:
+            self.assembly.set_layout(self.context, layout)
         if self._assist_port is not None:
             self._assist_port.FixValue(self.context, -1.0)
         self.simulator.Initialize()
@@ -175,6 +187,8 @@ class Simulation:
             values.SetFrom(context.get_discrete_state())
             system.CalcForcedDiscreteVariableUpdate(context, values)
             context.SetDiscreteState(values)
+            if system is self.assembly.task_statechart:
+                self.assembly.refill_pile(self.context)
         self.num_decisions = int(self._index_port.Eval(self._chart_context)[0])
         self._at_event = self._asked = False
         for listener in self.listeners:

@@ -24,7 +24,7 @@ from pace_drake.stations.plant import NUM_ARM_JOINTS, NUM_FINGERS
 SHORT_WAY = 1e-3
 SHORT_TIME = 0.1
 """[s]"""
-_IK_RESTARTS = 30
+_NEAR_RESTARTS = 8  # of inverse kinematics, before it is tried from anywhere
 _MAX_DETOURS = 3  # heights tried, in multiples of the approach height
 _PATH_SAMPLES = 60  # of a leg's path, when detours are sought
 _SAMPLE_STEP = 0.01  # [s] between the samples of the final clearance check
@@ -91,6 +91,7 @@ class LegPlanner:
         near: np.ndarray,
         load: Load,
         clearance: float,
+        restarts: int,
     ) -> Via:
         """The posture nearest to ``near`` of those that bring the gripper to one of the candidates.
 
@@ -101,6 +102,7 @@ class LegPlanner:
             near: (7) [rad]
             load: what is carried and touched there.
             clearance: [m] kept there.
+            restarts: how often it is tried from elsewhere.
 
         Raises:
             InputError: there is no posture.
@@ -112,13 +114,18 @@ class LegPlanner:
                 solution = scene.solve_ik(X_WG, near, near, clearance)
                 if solution is not None and (best is None or solution[0] < best[0]):
                     best = (*solution, X_WG)
-            for _ in range(_IK_RESTARTS):
+            for restart in range(restarts):
                 if best is not None:
-                    return Via(name, best[1], best[2])
+                    break
                 X_WG = candidates[int(rng.integers(len(candidates)))]
-                solution = scene.solve_ik(X_WG, near, rng.uniform(scene.lower, scene.upper), clearance)
+                guess = rng.uniform(scene.lower, scene.upper)
+                if restart < _NEAR_RESTARTS:
+                    guess = np.clip(near + rng.normal(0.0, 0.2, NUM_ARM_JOINTS), scene.lower, scene.upper)
+                solution = scene.solve_ik(X_WG, near, guess, clearance)
                 if solution is not None:
                     best = (*solution, X_WG)
+        if best is not None:
+            return Via(name, best[1], best[2])
         p = candidates[0].translation()
         raise InputError(
             f"workcell.{name}: no posture of the arm reaches ({p[0]:.3f}, {p[1]:.3f}, {p[2]:.3f}) m with"
@@ -178,9 +185,9 @@ class LegPlanner:
         start, end = path.start_time(), path.end_time()
         # TOPPRA's backward pass fails now and then for numerical reasons; other grid points help.
         for grid in (
-            Toppra.CalcGridPoints(path, CalcGridPointsOptions()),
+            np.linspace(start, end, 71),
             np.linspace(start, end, 101),
-            np.linspace(start, end, 201),
+            Toppra.CalcGridPoints(path, CalcGridPointsOptions()),
         ):
             toppra = Toppra(path, self.scene.plant, grid)
             toppra.AddJointVelocityLimit(-limits[0], limits[0])

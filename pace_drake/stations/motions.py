@@ -17,22 +17,19 @@ from pathlib import Path
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform
-from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from pydrake.trajectories import PiecewisePolynomial
 
 from pace_drake.errors import InputError
 from pace_drake.files import cache_folder, write_whole
 from pace_drake.resources import resource_path
 from pace_drake.stations.components import Component, component_index, components
+from pace_drake.stations.joint_paths import CARRY_BEGIN, CARRY_END, OFFERED
 from pace_drake.stations.legs import LegPlanner, Load, Via
 from pace_drake.stations.planning_scene import PLACED_SIDE, PlanningScene
 from pace_drake.stations.plant import NUM_ARM_JOINTS
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
-#: Of a joint action's time: when the robot begins to move with the person or holds the key out, and when it is there.
-#: Before and after, the person comes and goes.
-JOINT_BEGIN, JOINT_END = 0.35, 0.8
-OFFERED = 0.4
 _HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
 _NUM_KEPT = 512  # located motions in memory
 _PLANS = 1  # version of what is written to the cache
@@ -67,10 +64,21 @@ class Motion:
         """(7) [rad] over [0, duration]."""
         return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
 
-    @cached_property
-    def rate(self) -> Trajectory:
-        """(7) [rad/s] over [0, duration]."""
-        return self.trajectory.MakeDerivative()
+
+@dataclass(frozen=True)
+class HandOver:
+    """When and how the gripper lets go of what the person takes from it."""
+
+    offered: float
+    """[-] share of the motion after which the thing is held out."""
+    p_WH: np.ndarray
+    """(3) [m] where the hand takes it."""
+    reach: float
+    """[m] within which of that place the hand has it."""
+    speed: float
+    """[m/s] at which the gripper opens."""
+    width: float
+    """[m] to which it opens."""
 
 
 class MotionLibrary:
@@ -81,8 +89,7 @@ class MotionLibrary:
     component back), to ``home``. Gripper widths join up in the same way.
 
     ROBOT_TASK and PREPARE take ``located`` (3): x [m], y [m], yaw [rad] of the component that they fetch; None is its
-    nominal place. A motion for another place is planned when it is first asked for, in a tenth of a second, and is a function of the
-    place alone.
+    nominal place. A motion for another place is planned when first asked for, and is a function of the place alone.
 
     Iterating yields the (kind, index) of every motion. Looking up another one raises KeyError.
 
@@ -122,6 +129,50 @@ class MotionLibrary:
         self._located.move_to_end(key)
         return self._located[key]
 
+    def component(self, kind: ActionKind, index: int) -> int | None:
+        """Which component, as an index into ``components``, the action fetches; None if it fetches none."""
+        return component_index(self._workcell, kind, index)
+
+    def hand_over(self, kind: ActionKind, index: int) -> HandOver | None:
+        """How what is held out in an action is let go; None where the gripper opens by the clock."""
+        motion = self._motions[kind, index]
+        if motion.offered < 0:
+            return None
+        w = self._workcell
+        return HandOver(
+            offered=motion.offered / motion.duration,
+            p_WH=np.array(w.presentations[(index - 2) % len(w.presentations)].hand),
+            reach=w.release_distance,
+            speed=w.gripper_speed,
+            width=w.gripper_open,
+        )
+
+    def position(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None = None) -> np.ndarray:
+        """Returns the (7) joint positions [rad] at a fraction of the motion, clamped to [0, 1].
+
+        The time-optimal trajectory is scaled linearly in time: replayed in ``k`` times its minimum duration, it has
+        1/k of its velocities and 1/k^2 of its accelerations.
+        """
+        motion = self.motion(kind, index, located)
+        return motion.trajectory.value(min(max(fraction, 0.0), 1.0) * motion.duration)[:, 0]
+
+    def velocity(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None = None) -> np.ndarray:
+        """Returns the (7) joint velocities [rad/s] at a fraction of the motion at full speed; zero outside [0, 1]."""
+        motion = self.motion(kind, index, located)
+        if not 0.0 <= fraction <= 1.0:
+            return np.zeros(NUM_ARM_JOINTS)
+        return motion.trajectory.EvalDerivative(fraction * motion.duration, 1)[:, 0]
+
+    def gripper_width(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None = None) -> float:
+        """Returns the desired width [m] between the fingers at a fraction of the motion, clamped to [0, 1]."""
+        motion = self.motion(kind, index, located)
+        time = min(max(fraction, 0.0), 1.0) * motion.duration
+        return float(np.interp(time, motion.width_times, motion.widths))
+
+    def minimum_duration(self, kind: ActionKind, index: int, located: np.ndarray | None = None) -> float:
+        """Returns the time [s] that the motion takes at full speed, gripper included."""
+        return self.motion(kind, index, located).duration
+
     def __iter__(self) -> Iterator[tuple[ActionKind, int]]:
         return iter(self._motions)
 
@@ -130,8 +181,9 @@ class MotionLibrary:
 
 
 def plan_motions(workcell: Workcell, num_robot_tasks: int, num_joint_actions: int) -> MotionLibrary:
-    """Plans the motions of all robot actions, or reads them from the user's cache, where they are kept by the hash of all
-    that they depend on. The same arguments give the same library.
+    """Plans the motions of all robot actions. The same arguments give the same library.
+
+    The user's cache keeps them by the hash of all that they depend on.
 
     Args:
         workcell: where things stand, limits, clearance.
@@ -178,7 +230,7 @@ def _write(path: Path, motions: dict[tuple[ActionKind, int], Motion]) -> None:
         for (kind, index), motion in motions.items()
         for name in (*_ARRAYS, "offered")
     }
-    np.savez(path, **arrays)  # type: ignore[arg-type]
+    np.savez(path, **arrays)
 
 
 def _read(path: Path, actions: Sequence[tuple[ActionKind, int]]) -> dict[tuple[ActionKind, int], Motion] | None:
@@ -282,11 +334,11 @@ class _Planner:
         chain = _Chain(self, "joint action 1", prepared.q, self._closed(side))
         leg = self.legs.plan("joint action 1", [prepared, over, at], load, arrive=True)
         # The leg takes its share of the time; the person comes before it and goes after it.
-        unit = leg.times[-1] / (JOINT_END - JOINT_BEGIN)
-        chain.wait(JOINT_BEGIN * unit)
+        unit = leg.times[-1] / (CARRY_END - CARRY_BEGIN)
+        chain.wait(CARRY_BEGIN * unit)
         chain.follow(leg)
         chain.grip(w.gripper_release)
-        chain.wait(max((1 - JOINT_END) * unit - chain.grip_duration(w.gripper_release), 0.0))
+        chain.wait(max((1 - CARRY_END) * unit - chain.grip_duration(w.gripper_release), 0.0))
         return chain.finish()
 
     def _leave_side(self) -> Motion:
@@ -396,11 +448,17 @@ class _Planner:
         """Vias over a place and at it, in whichever of the equal yaws suits the arm best."""
         lift = RigidTransform([0.0, 0.0, self.workcell.approach_height])
         lifted = [lift @ X_WG for X_WG in candidates]
-        over = self._via(name, lifted, load, self._turned(lifted[0]) if near is None else near)
-        at = self._via(
-            name, [lift.inverse() @ over.X_WG], load, over.q, clearance=1.1 * self.workcell.contact_clearance
-        )
-        return over, at
+        start = self._turned(lifted[0]) if near is None else near
+        left, kept = list(lifted), 1.1 * self.workcell.contact_clearance
+        while True:
+            over = self._via(name, left, load, start)
+            try:
+                return over, self._via(name, [lift.inverse() @ over.X_WG], load, over.q, clearance=kept, restarts=8)
+            except InputError:
+                # Down there this yaw does not fit; perhaps another does.
+                left = [X_WG for X_WG in left if X_WG is not over.X_WG]
+                if not left:
+                    raise
 
     def _turned(self, X_WG: RigidTransform) -> np.ndarray:
         """(7) [rad] the home posture turned towards a place."""
@@ -416,10 +474,11 @@ class _Planner:
         load: Load,
         near: np.ndarray,
         clearance: float | None = None,
+        restarts: int = 30,
     ) -> Via:
         rng = np.random.default_rng([self.workcell.seed, *name.encode()])
         kept = 1.1 * self.workcell.clearance if clearance is None else clearance
-        return self.legs.via(name, candidates, rng, near, load, kept)
+        return self.legs.via(name, candidates, rng, near, load, kept, restarts)
 
 
 class _Chain:
@@ -458,7 +517,7 @@ class _Chain:
         return abs(width - self._widths[-2 if len(self._widths) > 1 else -1]) / w.gripper_speed + w.grip_time
 
     def grip(self, width: float, *, during: bool = False) -> None:
-        """Changes the gripper's width [m] and waits until it holds; ``during``: instead in the middle of the last leg."""
+        """Changes the gripper's width [m] and waits for it; ``during``: instead in the second half of the last leg."""
         w = self._planner.workcell
         change = abs(width - self._widths[-1]) / w.gripper_speed
         if during:

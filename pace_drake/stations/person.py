@@ -46,6 +46,8 @@ class Person(LeafSystem):
     """[m] elbow to the middle of the hand."""
     max_lean = 0.9
     """[rad]"""
+    p_WLeft = np.array([1.28, -0.215, 0.08])
+    """[m] the left hand, trunk upright."""
 
     def __init__(self, scene_graph: SceneGraph) -> None:
         """Registers the person's geometry with ``scene_graph``; connect its pose port for ``source_id`` afterwards."""

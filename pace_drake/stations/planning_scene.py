@@ -89,12 +89,11 @@ class PlanningScene:
         self._filters = scene_graph.collision_filter_manager(scene_graph.GetMyMutableContextFromRoot(self.context))
         self._everything = GeometrySet(list(scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity)))
         carried = GeometrySet([geometry for ids in self._held.values() for geometry in ids])
-        fingers = [
-            self.plant.GetCollisionGeometriesForBody(self.plant.GetBodyByName(name))
-            for name in ("panda_leftfinger", "panda_rightfinger")
-        ]
-        gripped = CollisionFilterDeclaration().ExcludeBetween(carried, GeometrySet(sum(fingers, [])))
-        self._filters.Apply(gripped.ExcludeWithin(carried))
+        gripped = CollisionFilterDeclaration().ExcludeWithin(carried)
+        for name in ("panda_leftfinger", "panda_rightfinger"):
+            finger = self.plant.GetCollisionGeometriesForBody(self.plant.GetBodyByName(name))
+            gripped.ExcludeBetween(carried, GeometrySet(finger))
+        self._filters.Apply(gripped)
         self.fingers = np.full(NUM_FINGERS, workcell.gripper_open / 2)
         """(2) [m] as which the fingers are planned; see ``carrying``."""
         self.lower = self.plant.GetPositionLowerLimits()[:NUM_ARM_JOINTS] + _JOINT_LIMIT_MARGIN
@@ -112,9 +111,7 @@ class PlanningScene:
 
     @contextmanager
     def carrying(self, held: str, ignored: tuple[str, ...], width: float) -> Iterator[None]:
-        """Within it, the gripper is ``width`` [m] open and carries the model ``held`` ("" for none); the zones ``ignored``
-        are free to enter.
-        """
+        """Within it, the gripper is ``width`` [m] open, carries the model ``held`` ("": none), may enter some zones."""
         nothing = CollisionFilterDeclaration()
         for model, ids in self._held.items():
             if model != held:

@@ -29,7 +29,7 @@ class Pose:
 
 @dataclass(kw_only=True)
 class Presentation:
-    """How a thing is handed to the person: two poses of the gripper (frame ``panda_hand_tcp``) and a place of the hand."""
+    """How a key is handed over: two poses of the gripper (frame ``panda_hand_tcp``), a place of the person's hand."""
 
     prepared: Pose = field(default_factory=Pose)
     """X_WG where the robot, prepared, waits for the person."""
@@ -85,7 +85,7 @@ class Workcell:
     """[N s/m] damping of the finger actuator."""
 
     cubes: list[Pose] = field(
-        default_factory=lambda: [Pose(translation=[x, y, 0.02]) for x in (0.29, 0.41) for y in (-0.26, -0.37)]
+        default_factory=lambda: [Pose(translation=[x, y, 0.02]) for x in (0.29, 0.41) for y in (-0.25, -0.36)]
     )
     """X_WO of the cubes' centres in the pile on the sorting table; robot task i takes cube i, cyclically."""
     cube_spread: list[float] = field(default_factory=lambda: [0.01, 0.01, 0.4])
@@ -129,7 +129,7 @@ class Workcell:
     """[m] between a thing and what it is put on, when the gripper opens."""
     release_distance: float = 0.05
     """[m] a key is let go when the person's hand is within this of where it takes it."""
-    gripper_open: float = 0.07
+    gripper_open: float = 0.06
     """[m] width of the open gripper, at home and on the way to a grasp."""
     gripper_release: float = 0.052
     """[m] width to which it opens to let go of something between other things."""
@@ -146,7 +146,7 @@ class Workcell:
     acceleration_scale: float = 0.6
     """[-] share of the joint acceleration limits that a motion may use."""
     clearance: float = 0.015
-    """[m] least distance between the arm, with what it carries, and anything else, itself included, along every motion."""
+    """[m] least distance between the arm, with what it carries, and anything else, itself included, in every motion."""
     contact_clearance: float = 0.003
     """[m] likewise on the straight way to a grasp or a place and back, but for what is gripped or put down on."""
     seed: int = 0

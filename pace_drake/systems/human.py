@@ -1,5 +1,6 @@
 """Human: a simulated person who works through the task and waits where a joint action needs the robot."""
 
+from collections.abc import Sequence
 from functools import partial
 from math import floor, inf
 from typing import NamedTuple
@@ -53,6 +54,8 @@ class Human(LeafSystem):
     Args:
         task: a validated task.
         demonstrations: for each human action its demonstrations; empty for joint actions.
+        joint_paths: for each joint action the places of the hand in it: (share of its time, (3) p_WH [m]); empty: from
+            where the last action left it straight to where the next begins.
         sample_period: [s] of the hand tracker.
         reaction_period: see ``declare_update``.
     """
@@ -61,6 +64,7 @@ class Human(LeafSystem):
         self,
         task: Task,
         demonstrations: list[list[Demonstration]],
+        joint_paths: Sequence[Sequence[tuple[float, np.ndarray]]] = (),
         sample_period: float = 0.1,
         reaction_period: float | None = None,
     ) -> None:
@@ -69,6 +73,7 @@ class Human(LeafSystem):
         self._n = task.num_human_actions
         self._alpha = task.human_index_of_joint
         self._demonstrations = demonstrations
+        self._joint_paths = [list(path) for path in joint_paths] or [[] for _ in self._alpha]
         self._sample_period = sample_period
         # A tenth of a nanosecond: the clock of the tracker must not lose a sample to rounding.
         self._slack = 1e-10 / sample_period
@@ -132,15 +137,23 @@ class Human(LeafSystem):
             elapsed = floor(elapsed / self._sample_period + self._slack) * self._sample_period
         if now.joint == 0 and not now.waiting and self._demonstrations[now.action - 1]:
             return self._demonstration(state, now.action).position(elapsed, float(state[1 + now.action]))
-        # Waiting, the hand rests where the last action left it; in a joint action it moves on to where the next begins.
+        # Waiting, the hand rests where the last action left it; in a joint action it goes where that takes it, and then
+        # to where the next action begins.
         before = self._rest(state, now.action - 1, end=True)
         after = self._rest(state, now.action + 1, end=False)
-        if now.waiting or after is None:
+        if now.waiting or now.joint == 0:
             return np.zeros(3) if before is None else before
-        if before is None:
-            return after
-        s = min(elapsed / float(state[1 + now.action]), 1.0)
-        return before + (after - before) * s**3 * (10 - 15 * s + 6 * s**2)  # minimum jerk
+        path = self._joint_paths[now.joint - 1]
+        places = [place for place in (before, *(p for _, p in path), after) if place is not None]
+        if not places:
+            return np.zeros(3)
+        start, end = places[0] if before is None else before, places[-1] if after is None else after
+        shares = [0.0, *(share for share, _ in path), 1.0]
+        places = [start, *(p for _, p in path), end]
+        share = min(elapsed / float(state[1 + now.action]), 1.0)
+        k = min(int(np.searchsorted(shares, share, side="right")), len(shares) - 1)
+        s = (share - shares[k - 1]) / (shares[k] - shares[k - 1])
+        return places[k - 1] + (places[k] - places[k - 1]) * s**3 * (10 - 15 * s + 6 * s**2)  # minimum jerk
 
     def _demonstration(self, state: np.ndarray, action: int) -> Demonstration:
         return self._demonstrations[action - 1][int(state[1 + self._n + action])]

@@ -1,5 +1,6 @@
 """RobotAction: carries out what the statechart commands, one motion per command."""
 
+from math import atan2
 from typing import Protocol
 
 import numpy as np
@@ -12,23 +13,62 @@ from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind, Episode, Task
 _ARRIVAL_POLL = 0.01
 
 #: Places in the state; the drawn durations follow.
-_SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE, _DRAWN = range(11)
+_SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE = range(10)
+_LOCATED, _RELEASED, _DRAWN = slice(10, 13), 13, 14
+
+#: [s] between two looks at whether the person's hand has what is held out to it.
+_HAND_PERIOD = 0.01
+#: [s] how old the place of a component may be for a motion to begin that fetches it.
+MAX_COMPONENT_AGE = 1.0
+
+
+class HandOver(Protocol):
+    """As ``pace_drake.stations.motions.HandOver``."""
+
+    @property
+    def offered(self) -> float:
+        """[-] share of the motion after which the thing is held out."""
+
+    @property
+    def p_WH(self) -> np.ndarray:
+        """(3) [m] where the hand takes it."""
+
+    @property
+    def reach(self) -> float:
+        """[m] within which of that place the hand has it."""
+
+    @property
+    def speed(self) -> float:
+        """[m/s] at which the gripper opens."""
+
+    @property
+    def width(self) -> float:
+        """[m] to which it opens."""
 
 
 class Motions(Protocol):
-    """Planned motions, as ``pace_drake.stations.motions.MotionLibrary`` offers them."""
+    """Planned motions, as ``pace_drake.stations.motions.MotionLibrary`` offers them.
+
+    ``located`` (3) is where the component lies that the motion fetches: x [m], y [m], yaw [rad].
+    """
 
     @property
     def home(self) -> np.ndarray:
         """(7,) [rad] where robot tasks begin and end."""
 
-    def position(self, kind: ActionKind, index: int, fraction: float) -> np.ndarray:
+    def component(self, kind: ActionKind, index: int) -> int | None:
+        """Which component the action fetches; None if none."""
+
+    def hand_over(self, kind: ActionKind, index: int) -> HandOver | None:
+        """How what is held out is let go; None where the gripper opens by the clock."""
+
+    def position(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> np.ndarray:
         """(7,) [rad] joint positions after ``fraction`` of the motion."""
 
-    def gripper_width(self, kind: ActionKind, index: int, fraction: float) -> float:
+    def gripper_width(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> float:
         """[m]."""
 
-    def minimum_duration(self, kind: ActionKind, index: int) -> float:
+    def minimum_duration(self, kind: ActionKind, index: int, located: np.ndarray | None) -> float:
         """[s] within the joint limits."""
 
 
@@ -39,9 +79,15 @@ class RobotAction(LeafSystem):
     so that a late reader can neither miss nor repeat one (docs/statechart.md). Holding and going on scale the time in
     which the path is passed, down to 0 and up to 1 again: the arm stays on its path and never jumps in velocity.
 
+    A motion that fetches something begins when the component has been located within ``MAX_COMPONENT_AGE``, and leads
+    to where it was then. What is held out is let go when the person's hand has it, and only then the motion is done.
+
     Inputs:
         robot_action (3): kind, index, sequence number.
         position_measured (7) [rad]: only with motions; a motion is done when its time is over and the arm is there.
+        component_poses (7 n), component_ages (n) [s]: only with motions; quaternion w, x, y, z and position [m] of each
+            component, and how long ago it was there.
+        p_WH (3) [m]: only with motions; the person's hand.
 
     Outputs:
         motion_done (1): sequence number of the last finished command; 0 before the first.
@@ -52,15 +98,18 @@ class RobotAction(LeafSystem):
 
     State:
         [sequence, kind, index, duration [s], time of the last update of the path's clock [s], path time then [s], path
-        rate then [-], path rate aimed at (1 or 0), active (not finished), last done, robot-task durations
+        rate then [-], path rate aimed at (1 or 0), active (not finished), last done, x, y [m] and yaw [rad] of what is
+        fetched, time at which it was let go [s] (negative: it was not), robot-task durations
         (NUM_ROBOT_DRAWS * M) [s], preparation (L), joint (L), homing (L) [s]].
 
     Events:
         update: takes a new command, holds, or goes on (forced or periodic).
+        periodic (10 ms), only with motions: looks whether the hand has what is held out, and changes nothing else.
 
     Args:
         task: a validated task.
         motions: planned motions, or None at the task level, where actions only take time and stop at once.
+        num_components: n; only with motions.
         arrival_tolerance: [rad] largest joint error at which a motion counts as done.
         stop_time: [s] in which the path rate falls from 1 to 0, and rises again; only with motions.
         reaction_period: see ``declare_update``.
@@ -70,6 +119,7 @@ class RobotAction(LeafSystem):
         self,
         task: Task,
         motions: Motions | None = None,
+        num_components: int = 0,
         arrival_tolerance: float = 0.05,
         stop_time: float = 0.25,
         reaction_period: float | None = None,
@@ -88,6 +138,10 @@ class RobotAction(LeafSystem):
         if motions is not None:
             self._measured = declare_input(self, "position_measured", 7)
             arrival.add(self.input_port_ticket(self._measured.get_index()))
+            self._poses = declare_input(self, "component_poses", 7 * num_components)
+            self._ages = declare_input(self, "component_ages", num_components)
+            self._hand = declare_input(self, "p_WH", 3)
+            self.DeclarePeriodicDiscreteUpdateEvent(_HAND_PERIOD, 0.0, self._watch_hand)
             declare_output(self, "position", self._position, now, size=7)
             declare_output(self, "gripper_position", self._gripper, now)
         declare_output(self, "motion_done", self._motion_done, arrival)
@@ -100,10 +154,14 @@ class RobotAction(LeafSystem):
         """Puts the drawn durations into the context; no command has been taken yet."""
         joint = episode.human[[j - 1 for j in self._alpha]]
         context.SetDiscreteState(
-            np.concatenate([np.zeros(_DRAWN), episode.robot.ravel(), episode.preparation, joint, episode.homing])
+            np.concatenate(
+                [np.zeros(_RELEASED), [-1.0], episode.robot.ravel(), episode.preparation, joint, episode.homing]
+            )
         )
 
-    def _drawn_duration(self, state: np.ndarray, kind: ActionKind, index: int, sequence: int) -> float:
+    def _drawn_duration(
+        self, state: np.ndarray, kind: ActionKind, index: int, sequence: int, located: np.ndarray
+    ) -> float:
         if kind == ActionKind.ROBOT_TASK:
             place = (sequence - 1) % NUM_ROBOT_DRAWS * self._m + index - 1
         else:
@@ -112,7 +170,7 @@ class RobotAction(LeafSystem):
             place = NUM_ROBOT_DRAWS * self._m + group[kind] * self._joints + index - 1
         drawn = float(state[_DRAWN + place])
         # No motion is played faster than the arm's limits allow.
-        return drawn if self._motions is None else max(drawn, self._motions.minimum_duration(kind, index))
+        return drawn if self._motions is None else max(drawn, self._motions.minimum_duration(kind, index, located))
 
     # ---- the path's clock
 
@@ -150,7 +208,11 @@ class RobotAction(LeafSystem):
             return False
         if self._motions is None:
             return True
-        target = self._motions.position(ActionKind(int(state[_KIND])), int(state[_INDEX]), 1.0)
+        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
+        hand_over = self._motions.hand_over(kind, index)
+        if hand_over is not None and self._opened(state, hand_over, context.get_time()) < hand_over.width:
+            return False
+        target = self._motions.position(kind, index, 1.0, state[_LOCATED])
         return bool(np.max(np.abs(self._measured.Eval(context) - target)) <= self._tolerance)
 
     # ---- outputs
@@ -190,13 +252,25 @@ class RobotAction(LeafSystem):
         state = self._state(context)
         if state[_KIND] == ActionKind.NONE:
             return self._motions.home
-        return self._motions.position(ActionKind(int(state[_KIND])), int(state[_INDEX]), self._fraction(context))
+        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
+        return self._motions.position(kind, index, self._fraction(context), state[_LOCATED])
 
     def _gripper(self, context: Context) -> float:
         assert self._motions is not None
         state = self._state(context)
-        kind = ActionKind(int(state[_KIND])) or ActionKind.ROBOT_TASK
-        return self._motions.gripper_width(kind, int(state[_INDEX]) or 1, self._fraction(context))
+        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
+        if kind == ActionKind.NONE:
+            return self._motions.gripper_width(ActionKind.ROBOT_TASK, 1, 0.0, None)
+        width = self._motions.gripper_width(kind, index, self._fraction(context), state[_LOCATED])
+        hand_over = self._motions.hand_over(kind, index)
+        return width if hand_over is None else max(width, self._opened(state, hand_over, context.get_time()))
+
+    @staticmethod
+    def _opened(state: np.ndarray, hand_over: HandOver, time: float) -> float:
+        """[m] width of the gripper that lets go; 0 before."""
+        if state[_RELEASED] < 0:
+            return 0.0
+        return min(hand_over.speed * (time - state[_RELEASED]), hand_over.width)
 
     # ---- update
 
@@ -214,10 +288,47 @@ class RobotAction(LeafSystem):
             return
         if sequence == x[_SEQUENCE] or kind == ActionKind.NONE:
             return
-        if x[_ACTIVE] and (x[_KIND], x[_INDEX]) == (kind_value, index):
+        begins = self.begins(context)
+        if begins is None:
             x[_PATH], x[_RATE] = self._path_time(before, time)
         else:
+            located = self._locate(context, kind, int(index))
+            if located is None:
+                return
             # A new motion begins at rest by itself: its clock need not start slowly.
             x[_KIND], x[_INDEX], x[_PATH], x[_RATE] = kind_value, index, 0.0, 1.0
-            x[_DURATION] = self._drawn_duration(before, kind, int(index), int(sequence))
+            x[_LOCATED], x[_RELEASED] = located, -1.0
+            x[_DURATION] = self._drawn_duration(before, kind, int(index), int(sequence), located)
         x[_SEQUENCE], x[_SINCE], x[_AIM], x[_ACTIVE] = sequence, time, 1.0, 1.0
+
+    def begins(self, context: Context) -> tuple[ActionKind, int, int] | None:
+        """(kind, index, sequence) of the motion that an update now would begin anew; None if it would not."""
+        kind, index, sequence = (int(value) for value in self._command.Eval(context))
+        state = self._state(context)
+        if kind in (ActionKind.NONE, ActionKind.HOLD) or sequence == state[_SEQUENCE]:
+            return None
+        if state[_ACTIVE] and not self._is_done(context) and (state[_KIND], state[_INDEX]) == (kind, index):
+            return None
+        return ActionKind(kind), index, sequence
+
+    def _locate(self, context: Context, kind: ActionKind, index: int) -> np.ndarray | None:
+        """(3) x [m], y [m], yaw [rad] of what the motion fetches (zeros where it fetches nothing); None: not seen."""
+        number = None if self._motions is None else self._motions.component(kind, index)
+        if number is None:
+            return np.zeros(3)
+        if self._ages.Eval(context)[number] > MAX_COMPONENT_AGE:
+            return None
+        w, x, y, z, *p_WO = self._poses.Eval(context)[7 * number : 7 * number + 7]
+        return np.array([p_WO[0], p_WO[1], atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
+
+    def _watch_hand(self, context: Context, values: DiscreteValues) -> None:
+        """Lets go of what the person has."""
+        assert self._motions is not None
+        state = self._state(context)
+        if state[_KIND] != ActionKind.JOINT or not state[_ACTIVE] or not state[_AIM] or state[_RELEASED] >= 0:
+            return
+        hand_over = self._motions.hand_over(ActionKind.JOINT, int(state[_INDEX]))
+        if hand_over is None or self._fraction(context) < hand_over.offered:
+            return
+        if np.linalg.norm(self._hand.Eval(context) - hand_over.p_WH) <= hand_over.reach:
+            values.get_mutable_vector().SetAtIndex(_RELEASED, context.get_time())

@@ -1,0 +1,111 @@
+"""HumanGrip: the person's hand takes what the robot holds out, and keeps it."""
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RotationMatrix
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+#: [s] between looks at whether the hand is at a key.
+_PERIOD = 0.01
+_STIFFNESS = 60.0  # [N/m] of the grip; with a key of 0.1 kg it settles in a tenth of a second
+_DAMPING = 3.0  # [N s/m]
+_TURN_DAMPING = 1e-3  # [N m s]
+_MAX_FORCE = 10.0  # [N]
+_GRAVITY = 9.81  # [m/s^2]
+
+
+class HumanGrip(LeafSystem):
+    """Forces of the person's hands on Allen keys, which they take by the short end and never give back.
+
+    A key is taken when the right hand comes within ``reach`` of its short end while it is held up. The hand then pulls
+    the end to itself with a spring and a damper, and bears the key's weight; whoever else holds the key feels it. When
+    the right hand takes another key, the one before goes over to the left hand. Keys and hands are forces only: the
+    hand's shape pushes nothing.
+
+    Inputs:
+        p_WH (3) [m]: the right hand.
+        key_<k> (13): state of the k-th key: quaternion w, x, y, z, position [m], angular [rad/s] and translational
+            velocity [m/s].
+
+    Outputs:
+        applied_spatial_force: list of ExternallyAppliedSpatialForce, for the plant.
+        key_taken (number of keys): the order in which keys were taken, from 1; 0 while they are not.
+
+    State:
+        that of key_taken.
+
+    Events:
+        Update, every 10 ms.
+
+    Args:
+        bodies: of the keys.
+        p_WLeft: (3) [m] the left hand.
+        reach: [m]
+        held_up: [m] least height of a key that is held out.
+    """
+
+    p_OEnd = np.array([-0.06, 0.02, 0.006])
+    """[m] middle of the short arm, in the key's frame (models/allen_key.sdf)."""
+
+    def __init__(self, bodies: list[RigidBody], p_WLeft: np.ndarray, reach: float, held_up: float = 0.1) -> None:
+        super().__init__()
+        self.set_name("human_grip")
+        self._bodies, self._reach, self._held_up = bodies, reach, held_up
+        self._weights = [body.default_mass() * _GRAVITY for body in bodies]
+        self._p_WLeft = np.asarray(p_WLeft, dtype=float)
+        self._p_WH = self.DeclareVectorInputPort("p_WH", BasicVector(3))
+        self._keys = [self.DeclareVectorInputPort(f"key_{k + 1}", BasicVector(13)) for k in range(len(bodies))]
+        self.DeclareDiscreteState(len(bodies))
+        self.DeclareAbstractOutputPort(
+            "applied_spatial_force", lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]), self.CalcForce
+        )
+        self.DeclareVectorOutputPort(
+            "key_taken",
+            BasicVector(len(bodies)),
+            lambda context, output: output.SetFromVector(self._taken(context)),
+            {self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(_PERIOD, 0.0, self.Update)
+
+    @staticmethod
+    def _taken(context: Context) -> np.ndarray:
+        return context.get_discrete_state_vector().value()
+
+    def _end(self, context: Context, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of a key: p_OEnd_W, p_WEnd [m], the end's velocity [m/s]."""
+        state = self._keys[k].Eval(context)
+        p_OEnd_W = RotationMatrix(Quaternion(state[:4] / np.linalg.norm(state[:4]))) @ self.p_OEnd
+        return p_OEnd_W, state[4:7] + p_OEnd_W, state[10:13] + np.cross(state[7:10], p_OEnd_W)
+
+    def Update(self, context: Context, values: DiscreteValues) -> None:
+        """Takes a key that is at hand."""
+        taken = self._taken(context)
+        p_WH = self._p_WH.Eval(context)
+        for k in np.flatnonzero(taken == 0):
+            _, p_WEnd, _ = self._end(context, int(k))
+            if p_WEnd[2] > self._held_up and np.linalg.norm(p_WH - p_WEnd) < self._reach:
+                values.get_mutable_vector().SetAtIndex(int(k), taken.max() + 1.0)
+
+    def CalcForce(self, context: Context, output: Value) -> None:
+        """Spring, damper and weight at the short end of each key that was taken."""
+        taken = self._taken(context)
+        forces = []
+        for k in np.flatnonzero(taken):
+            target = self._p_WH.Eval(context) if taken[k] == taken.max() else self._p_WLeft
+            _, p_WEnd, v_WEnd = self._end(context, int(k))
+            pull = _STIFFNESS * (target - p_WEnd)
+            pull *= min(1.0, _MAX_FORCE / max(float(np.linalg.norm(pull)), 1e-9))
+            force = ExternallyAppliedSpatialForce()
+            force.body_index = self._bodies[k].index()
+            force.p_BoBq_B = self.p_OEnd
+            angular_velocity = self._keys[k].Eval(context)[7:10]
+            force.F_Bq_W = SpatialForce(
+                tau=-_TURN_DAMPING * angular_velocity,
+                f=pull - _DAMPING * v_WEnd + [0.0, 0.0, self._weights[k]],
+            )
+            forces.append(force)
+        output.set_value(forces)
