@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, VectorLogSink
 
 from pace_drake.errors import InputError
 from pace_drake.people import People, load_people
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 #: Operator inputs of the chart that the diagram exports; unconnected they have the chart's defaults.
 OPERATOR_INPUTS = ("start", "stop", "fault", "ack")
+#: Outputs of a station that are logged.
+LOGGED = ("panda.position_measured", "panda.velocity_estimated", "gripper.state_measured", "contact")
 
 
 class Assembly(Diagram):
@@ -56,6 +58,7 @@ class Assembly(Diagram):
         action_monitor: what the robot knows of the person by observation; None where it is told.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
+        plant_log: by the name of an output, Drake's VectorLogSink of it; empty unless ``logged``.
         reaction_period: [s] or None; see below.
         reactive: the systems that update at an event, in the order in which they do, so that a command is taken at
             the very instant at which it was given.
@@ -66,6 +69,7 @@ class Assembly(Diagram):
         station: a Diagram with the station ports (docs/design.md), or None for the task level.
         motions: planned motions; needed with a station.
         people: None loads those of the scenario.
+        logged: also log joint positions, velocities and contacts at every step of the plant (``plant_log``).
         reaction_period: None: events at exact times, advanced by ``pace_drake.simulation.Simulation``; a period [s]:
             the logic updates periodically, for any Simulator and for hardware.
 
@@ -81,6 +85,7 @@ class Assembly(Diagram):
         station: Diagram | None = None,
         motions: Motions | None = None,
         people: People | None = None,
+        logged: bool = False,
         reaction_period: float | None = None,
     ) -> None:
         super().__init__()
@@ -203,6 +208,12 @@ class Assembly(Diagram):
             self._locate_components(builder, station, scenario)
             for k in range(station.num_output_ports()):
                 builder.ExportOutput(station.get_output_port(k), station.get_output_port(k).get_name())
+        self.plant_log: dict[str, VectorLogSink] = {}
+        if logged and station is not None:
+            logs = {name: station.GetOutputPort(name) for name in LOGGED if station.HasOutputPort(name)}
+            logs["position_desired"] = self.robot_action.GetOutputPort("position")
+            for name, port in logs.items():
+                self.plant_log[name] = LogVectorOutput(port, builder, scenario.workcell.time_step)
         for source, names in (
             (
                 self.task_statechart,

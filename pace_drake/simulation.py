@@ -112,6 +112,8 @@ class Simulation:
             self.assembly.set_layout(self.context, layout)
         if self._assist_port is not None:
             self._assist_port.FixValue(self.context, -1.0)
+        for sink in self.assembly.plant_log.values():
+            sink.FindMutableLog(self.context).Clear()
         self.simulator.Initialize()
         self.num_decisions = 0
         self._at_event, self._asked = True, False

@@ -7,6 +7,7 @@ import click
 
 from pace_drake.cli.evaluate_policy import policy
 from pace_drake.cli.evaluate_sensitivity import sensitivity
+from pace_drake.cli.evaluate_workcell import workcell
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
@@ -62,3 +63,4 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
 
 command.add_command(policy)
 command.add_command(sensitivity)
+command.add_command(workcell)

@@ -13,6 +13,7 @@ from pace_drake.errors import InputError
 if TYPE_CHECKING:
     from pace_drake.diagram import Assembly
     from pace_drake.evaluate.episode import EpisodeResult
+    from pace_drake.evaluate.workcell import Sort
     from pace_drake.policies import Policy
     from pace_drake.scenario import Scenario
 
@@ -51,7 +52,8 @@ def command(
     """Run SCENARIO (a name or a .yaml file) and show who waited for whom.
 
     Writes a run folder: scenario.yaml (resolved), events.csv (every reaction, decision and idle interval, written as it
-    goes), summary.json, timeline.png and, at the plant level, replay.html. Times in [s].
+    goes), summary.json, timeline.png and, at the plant level, of the first episode replay.html and plant.npz (joints and
+    contacts at every step). Times in [s].
     """
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
@@ -90,6 +92,7 @@ class _Run:
         from rich.console import Console
 
         self.scenario, self.level, self.seed, self.episodes = scenario, level, seed, episodes
+        self.sorts: list[Sort] = []
         self.console = Console()
         self.out = self._choose_folder(out)
         self.assembly, self.meshcat = self._build(policy, show)
@@ -123,7 +126,8 @@ class _Run:
         with self.console.status("planning the robot's motions"):
             motions = plan_motions(self.scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
         station = make_plant_station(self.scenario.workcell, meshcat=meshcat)
-        return Assembly(self.scenario, policy, station=station, motions=motions, people=people), meshcat
+        assembly = Assembly(self.scenario, policy, station=station, motions=motions, people=people, logged=True)
+        return assembly, meshcat
 
     def _choose_folder(self, out: Path | None) -> Path:
         if out is None:
@@ -143,6 +147,8 @@ class _Run:
 
         from pace_drake.evaluate.episode import mean_result, run_episode
         from pace_drake.evaluate.event_log import EventLog
+        from pace_drake.evaluate.plant_log import PlantLog
+        from pace_drake.evaluate.workcell import WorkcellRecorder
         from pace_drake.files import write_whole
         from pace_drake.simulation import Simulation
 
@@ -177,9 +183,24 @@ class _Run:
                     bar.update(item, completed=number if self.episodes > 1 else action, simulated=time)
 
                 episode = simulation.sample_episode(np.random.default_rng([self.seed, number]))
-                results.append(run_episode(simulation, episode, write, progress=show, sample_phase=number == 0))
+                layout, recorder = None, WorkcellRecorder()
+                if self.level == "plant":
+                    layout = simulation.sample_layout(np.random.default_rng([self.seed, number, 1]))
+                results.append(
+                    run_episode(
+                        simulation,
+                        episode,
+                        write,
+                        progress=show,
+                        sample_phase=number == 0,
+                        layout=layout,
+                        listeners=(recorder,),
+                    )
+                )
+                self.sorts += recorder.sorts
                 if recording:
                     self._write_replay()
+                    write_whole(self.out / "plant.npz", PlantLog.of(simulation).write)
             bar.update(item, completed=total)
         mean = mean_result(results)
         self._write_summary(results, mean)
@@ -209,9 +230,15 @@ class _Run:
             "human_idle_weight": self.scenario.task.human_idle_weight,
             "episodes": [result.to_json() for result in results],
             "mean": mean,
+            **({"sorts": self._sorted()} if self.level == "plant" else {}),
         }
         text = json.dumps(summary, indent=1) + "\n"
         write_whole(self.out / "summary.json", lambda part: part.write_text(text, encoding="utf-8"))
+
+    def _sorted(self) -> dict:
+        errors = [sort.error for sort in self.sorts]
+        good = sum(sort.good for sort in self.sorts)
+        return {"number": len(errors), "good": good, "largest_error": max(errors, default=None)}
 
     def _draw(self) -> None:
         from pace_drake.evaluate.timeline import draw_timeline, read_events
@@ -249,6 +276,13 @@ class _Run:
             f"{mean['real_time_factor']:.1f}" + (f"; phase error at decisions {rmse:.3f} rms" if rmse else ""),
             highlight=False,
         )
+        if self.sorts:
+            done = self._sorted()
+            self.console.print(
+                f"cubes in their trays: {done['good']} of {done['number']}, at most {1e3 * done['largest_error']:.1f} mm"
+                " off the middle",
+                highlight=False,
+            )
         if num_truncated:
             self.console.print(
                 f"{num_truncated} of {self.episodes} episodes truncated after {self.scenario.max_decisions} decisions"

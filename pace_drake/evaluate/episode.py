@@ -7,7 +7,8 @@ from time import perf_counter
 import numpy as np
 
 from pace_drake.evaluate.event_log import EventRecorder
-from pace_drake.simulation import Simulation
+from pace_drake.simulation import Listener, Simulation
+from pace_drake.stations.layout import Layout
 from pace_drake.task import Episode
 
 #: [s] between samples of the phase for the timeline, and between looks at the progress.
@@ -54,15 +55,19 @@ def run_episode(
     *,
     progress: Callable[[float], None] = lambda _time: None,
     sample_phase: bool = False,
+    layout: Layout | None = None,
+    listeners: tuple[Listener, ...] = (),
 ) -> EpisodeResult:
     """Runs one episode with the policy inside the diagram.
 
     Args:
-        simulation: its listeners are replaced for the run.
+        simulation: its listeners are replaced for the run by the event recorder and ``listeners``.
         episode: what was drawn.
         write: takes the events, ``write(time, kind, **values)``.
         progress: called with the simulated time [s].
         sample_phase: also write the phase every ``SAMPLE_PERIOD``.
+        layout: where the components lie; see ``Simulation.reset``.
+        listeners: see ``Simulation``.
     """
     scenario = simulation.assembly.scenario
     joint = set(scenario.task.human_index_of_joint)
@@ -74,7 +79,7 @@ def run_episode(
         write(time, kind, **values)
 
     recorder = EventRecorder(observe_and_write)
-    simulation.listeners = (recorder,)
+    simulation.listeners = (recorder, *listeners)
 
     def observe() -> None:
         if sample_phase and not simulation.finished:
@@ -82,7 +87,7 @@ def run_episode(
         progress(simulation.time)
 
     start = perf_counter()
-    simulation.reset(episode)
+    simulation.reset(episode, layout)
     write(0.0, "episode", name="start")
     finished = simulation.run(observe=observe, period=SAMPLE_PERIOD)
     wall = perf_counter() - start

@@ -75,19 +75,20 @@ class HumanGrip(LeafSystem):
     def _taken(context: Context) -> np.ndarray:
         return context.get_discrete_state_vector().value()
 
-    def _end(self, context: Context, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of a key: p_OEnd_W, p_WEnd [m], the end's velocity [m/s]."""
-        state = self._keys[k].Eval(context)
+    def _end(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of a key in this state: p_WEnd [m], and p_OEnd_W."""
         p_OEnd_W = RotationMatrix(Quaternion(state[:4] / np.linalg.norm(state[:4]))) @ self.p_OEnd
-        return p_OEnd_W, state[4:7] + p_OEnd_W, state[10:13] + np.cross(state[7:10], p_OEnd_W)
+        return state[4:7] + p_OEnd_W, p_OEnd_W
 
     def Update(self, context: Context, values: DiscreteValues) -> None:
         """Takes a key that is at hand."""
         taken = self._taken(context)
-        p_WH = self._p_WH.Eval(context)
         for k in np.flatnonzero(taken == 0):
-            _, p_WEnd, _ = self._end(context, int(k))
-            if p_WEnd[2] > self._held_up and np.linalg.norm(p_WH - p_WEnd) < self._reach:
+            state = self._keys[k].Eval(context)
+            if state[6] < self._held_up:
+                continue
+            p_WEnd, _ = self._end(state)
+            if np.linalg.norm(self._p_WH.Eval(context) - p_WEnd) < self._reach:
                 values.get_mutable_vector().SetAtIndex(int(k), taken.max() + 1.0)
 
     def CalcForce(self, context: Context, output: Value) -> None:
@@ -96,15 +97,17 @@ class HumanGrip(LeafSystem):
         forces = []
         for k in np.flatnonzero(taken):
             target = self._p_WH.Eval(context) if taken[k] == taken.max() else self._p_WLeft
-            _, p_WEnd, v_WEnd = self._end(context, int(k))
+            state = self._keys[k].Eval(context)
+            p_WEnd, p_OEnd_W = self._end(state)
+            w_WO, v_WO = state[7:10], state[10:13]
+            v_WEnd = v_WO + np.cross(w_WO, p_OEnd_W)
             pull = _STIFFNESS * (target - p_WEnd)
             pull *= min(1.0, _MAX_FORCE / max(float(np.linalg.norm(pull)), 1e-9))
             force = ExternallyAppliedSpatialForce()
             force.body_index = self._bodies[k].index()
             force.p_BoBq_B = self.p_OEnd
-            angular_velocity = self._keys[k].Eval(context)[7:10]
             force.F_Bq_W = SpatialForce(
-                tau=-_TURN_DAMPING * angular_velocity,
+                tau=-_TURN_DAMPING * w_WO,
                 f=pull - _DAMPING * v_WEnd + [0.0, 0.0, self._weights[k]],
             )
             forces.append(force)

@@ -22,6 +22,7 @@ from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInter
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
 from pace_drake.stations.components import components
+from pace_drake.stations.contact_monitor import ContactMonitor
 from pace_drake.stations.human_grip import HumanGrip
 from pace_drake.stations.layout import Layout, nominal_layout
 from pace_drake.stations.person import Person
@@ -117,6 +118,7 @@ class PlantStation(Diagram):
         component_poses (7 n): quaternion w, x, y, z and position [m] of each component, in the order of
             ``pace_drake.stations.components.components``: the truth.
         key_taken: see ``HumanGrip``.
+        contact (2): see ``ContactMonitor``.
         contact_results: Drake's ContactResults.
         query_object: Drake's QueryObject of the SceneGraph.
 
@@ -253,6 +255,9 @@ class PlantStation(Diagram):
             pose = rows(f"{component.name}.pose", np.eye(2 * _POSE - 1)[:_POSE], f"{component.name}_state")
             builder.Connect(pose, poses.get_input_port(k))
         builder.ExportOutput(poses.get_output_port(), "component_poses")
+        contact = builder.AddSystem(ContactMonitor(plant))
+        builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
+        builder.ExportOutput(contact.get_output_port(), "contact")
         builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
         builder.ExportOutput(self.scene_graph.get_query_output_port(), "query_object")
 

@@ -1,0 +1,101 @@
+"""What the plant did at every step of an episode, and whether the arm stayed within its limits."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pace_drake.simulation import Simulation
+from pace_drake.stations.plant import NUM_ARM_JOINTS, PlantStation
+
+
+@dataclass(frozen=True)
+class PlantLog:
+    """Samples at every step of the plant.
+
+    Attributes:
+        time: (n) [s]
+        position_desired: (n, 7) [rad]
+        position: (n, 7) [rad] measured.
+        velocity: (n, 7) [rad/s]
+        gripper: (n, 2) [m, m/s] width and its rate.
+        contact: (n, 2) largest penetration [m], number of contacts of the robot with itself.
+    """
+
+    time: np.ndarray
+    position_desired: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    gripper: np.ndarray
+    contact: np.ndarray
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> "PlantLog":
+        """Takes the log of the episode that has been run."""
+        logs = {name: sink.FindLog(simulation.context) for name, sink in simulation.assembly.plant_log.items()}
+        data = {name: log.data().T.copy() for name, log in logs.items()}
+        return cls(
+            time=logs["position_desired"].sample_times().copy(),
+            position_desired=data["position_desired"],
+            position=data["panda.position_measured"],
+            velocity=data["panda.velocity_estimated"],
+            gripper=data["gripper.state_measured"],
+            contact=data["contact"],
+        )
+
+    def write(self, path: Path) -> None:
+        """Writes an .npz file; its arrays have the names of the attributes."""
+        np.savez_compressed(
+            path,
+            time=self.time,
+            position_desired=self.position_desired,
+            position=self.position,
+            velocity=self.velocity,
+            gripper=self.gripper,
+            contact=self.contact,
+        )
+
+
+@dataclass(frozen=True)
+class LimitsKept:
+    """How near an episode came to what must not be passed.
+
+    Attributes:
+        position: [rad] least distance of a joint from its limits.
+        velocity, acceleration: [-] largest share of a joint's limit; accelerations are differences of velocities.
+        tracking: [rad] largest difference between desired and measured positions.
+        penetration: [m] largest.
+        self_contacts: steps at which the robot touched itself.
+    """
+
+    position: float
+    velocity: float
+    acceleration: float
+    tracking: float
+    penetration: float
+    self_contacts: int
+
+    @property
+    def kept(self) -> bool:
+        """Whether every limit was kept at every step, and the robot did not touch itself."""
+        return self.position >= 0 and self.velocity <= 1 and self.acceleration <= 1 and self.self_contacts == 0
+
+
+def check_limits(log: PlantLog, station: PlantStation) -> LimitsKept:
+    """Compares a log with the arm's limits in its model."""
+    plant = station.plant
+    joints = [plant.GetJointByName(f"panda_joint{k + 1}") for k in range(NUM_ARM_JOINTS)]
+    lower = np.array([joint.position_lower_limit() for joint in joints])
+    upper = np.array([joint.position_upper_limit() for joint in joints])
+    velocity = np.array([joint.velocity_upper_limit() for joint in joints])
+    acceleration = np.array([joint.acceleration_upper_limit() for joint in joints])
+    step = station.workcell.time_step
+    reached = np.abs(np.diff(log.velocity, axis=0)) / step
+    return LimitsKept(
+        position=float(np.min(np.minimum(log.position - lower, upper - log.position))),
+        velocity=float(np.max(np.abs(log.velocity) / velocity)),
+        acceleration=float(np.max(reached / acceleration)),
+        tracking=float(np.max(np.abs(log.position - log.position_desired))),
+        penetration=float(np.max(log.contact[:, 0])),
+        self_contacts=int(np.count_nonzero(log.contact[:, 1])),
+    )
