@@ -52,8 +52,8 @@ def command(
     """Run SCENARIO (a name or a .yaml file) and show who waited for whom.
 
     Writes a run folder: scenario.yaml (resolved), events.csv (every reaction, decision and idle interval, written as it
-    goes), summary.json, timeline.png and, at the plant level, of the first episode replay.html and plant.npz (joints and
-    contacts at every step). Times in [s].
+    goes), summary.json, timeline.png and, at the plant level, of the first episode, replay.html and plant.npz (joints
+    and contacts at every step). Times in [s].
     """
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
@@ -279,8 +279,8 @@ class _Run:
         if self.sorts:
             done = self._sorted()
             self.console.print(
-                f"cubes in their trays: {done['good']} of {done['number']}, at most {1e3 * done['largest_error']:.1f} mm"
-                " off the middle",
+                f"cubes in their trays: {done['good']} of {done['number']}, "
+                f"at most {1e3 * done['largest_error']:.1f} mm off the middle",
                 highlight=False,
             )
         if num_truncated:

@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.inverse_kinematics import MinimumDistanceLowerBoundConstraint
 from pydrake.multibody.optimization import CalcGridPointsOptions, Toppra
 from pydrake.planning import KinematicTrajectoryOptimization
-from pydrake.solvers import IpoptSolver, SnoptSolver
+from pydrake.solvers import SnoptSolver
 from pydrake.trajectories import BsplineTrajectory, PathParameterizedTrajectory, PiecewisePolynomial, Trajectory
 
 from pace_drake.errors import InputError
@@ -158,8 +158,9 @@ class LegPlanner:
         for attempt in range(1, _MAX_DETOURS + 1):
             if violated is None:
                 break
-            segment = violated[0]
-            lifted = [self._lift(q[k], attempt * self._workcell.approach_height) for k in (segment, segment + 1)]
+            segment, height = violated[0], attempt * self._workcell.approach_height
+            with way.checked(contact=False):
+                lifted = [self._lift(q[k], height) for k in (segment, segment + 1)]
             over = [*q[: segment + 1], *(a for a in lifted if a is not None), *q[segment + 1 :]]
             candidate = way.spline(over)
             if way.violation(candidate, way.breaks(candidate)) is None:
@@ -185,9 +186,9 @@ class LegPlanner:
         start, end = path.start_time(), path.end_time()
         # TOPPRA's backward pass fails now and then for numerical reasons; other grid points help.
         for grid in (
-            np.linspace(start, end, 71),
-            np.linspace(start, end, 101),
             Toppra.CalcGridPoints(path, CalcGridPointsOptions()),
+            np.linspace(start, end, 101),
+            np.linspace(start, end, 201),
         ):
             toppra = Toppra(path, self.scene.plant, grid)
             toppra.AddJointVelocityLimit(-limits[0], limits[0])
@@ -220,7 +221,7 @@ class LegPlanner:
         start, end = q[first], q[last]
         problem = KinematicTrajectoryOptimization(NUM_ARM_JOINTS + NUM_FINGERS, _NUM_CONTROL_POINTS)
         prog = problem.get_mutable_prog()
-        problem.AddPathLengthCost(1.0)
+        problem.AddPathEnergyCost(1.0)  # with the length as the cost the solver fails
         with way.checked(contact=False):
             fingers = self.scene.fingers
             problem.AddPositionBounds(np.append(self.scene.lower, fingers), np.append(self.scene.upper, fingers))
@@ -229,21 +230,18 @@ class LegPlanner:
                 problem.AddPathPositionConstraint(both, both, s)
             problem.AddDurationConstraint(1.0, 1.0)
             guess = np.linspace(np.append(start, fingers), np.append(end, fingers), _NUM_CONTROL_POINTS).T
-            problem.SetInitialGuess(BsplineTrajectory(problem.basis(), guess))
             # From a straight line a solver may stay stuck in the obstacle; lifted in the middle it is led over it.
             middle = self._lift((start + end) / 2, 2 * self._workcell.approach_height)
             if middle is not None:
-                bump = np.sin(np.linspace(0.0, np.pi, _NUM_CONTROL_POINTS))
+                bump = np.sqrt(np.sin(np.linspace(0.0, np.pi, _NUM_CONTROL_POINTS)))
                 guess[:NUM_ARM_JOINTS] += np.outer(middle - (start + end) / 2, bump)
-                problem.SetInitialGuess(BsplineTrajectory(problem.basis(), guess))
+            problem.SetInitialGuess(BsplineTrajectory(problem.basis(), guess))
             constraint = MinimumDistanceLowerBoundConstraint(
-                self.scene.plant, 1.3 * self._workcell.clearance, self.scene.plant_context, None, 0.02
+                self.scene.plant, 1.2 * self._workcell.clearance, self.scene.plant_context, None, 0.02
             )
             for s in np.linspace(0.0, 1.0, _NUM_COLLISION_SAMPLES)[1:-1]:
                 problem.AddPathPositionConstraint(constraint, s)
             result = SnoptSolver().Solve(prog, None, None)
-            if not result.is_success():
-                result = IpoptSolver().Solve(prog, None, None)
             if not result.is_success():
                 return None
             bent = problem.ReconstructTrajectory(result)

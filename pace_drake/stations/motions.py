@@ -13,6 +13,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from math import atan2
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
@@ -244,7 +245,7 @@ def _read(path: Path, actions: Sequence[tuple[ActionKind, int]]) -> dict[tuple[A
                 )
                 for kind, index in actions
             }
-    except (OSError, KeyError, ValueError, EOFError):
+    except (OSError, KeyError, ValueError, EOFError, BadZipFile):
         return None
 
 

@@ -7,16 +7,19 @@ import numpy as np
 import pytest
 from pydrake.common.yaml import yaml_load_typed
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.systems.framework import DiagramBuilder
 
 from pace_drake.errors import InputError
+from pace_drake.stations import motions as motions_module
+from pace_drake.stations.components import component_index, components
+from pace_drake.stations.layout import sample_layout
+from pace_drake.stations.legs import LegPlanner, Load, Via
 from pace_drake.stations.motions import plan_motions
-from pace_drake.stations.plant import add_workcell
+from pace_drake.stations.planning_scene import PLACED_SIDE, PlanningScene
 from pace_drake.stations.workcell import Pose, Presentation, Workcell
 from pace_drake.task import ActionKind
 
 NUM_ROBOT_TASKS, NUM_JOINT_ACTIONS = 5, 4  # one more than the cubes, one more than the presentations
+FETCHING = (ActionKind.ROBOT_TASK, ActionKind.PREPARE)
 
 
 @pytest.fixture(scope="module")
@@ -26,19 +29,15 @@ def library():
 
 @pytest.fixture(scope="module")
 def scene():
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
-    add_workcell(plant, scene_graph, Workcell(), free_cubes=False)
-    plant.Finalize()
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    return diagram, plant, plant.GetMyMutableContextFromRoot(context)
+    return PlanningScene(Workcell())
 
 
-def gripper_pose(scene, q: np.ndarray, width: float = 0.07) -> RigidTransform:
-    _, plant, context = scene
-    plant.SetPositions(context, np.concatenate([q, [width / 2, width / 2]]))
-    return plant.GetFrameByName("panda_hand_tcp").CalcPoseInWorld(context)
+@pytest.fixture(autouse=True)
+def no_plans_from_elsewhere(tmp_path_factory, monkeypatch):
+    """Every session plans anew; within it plans are kept, as a user's are."""
+    folder = tmp_path_factory.getbasetemp() / "motions"
+    folder.mkdir(exist_ok=True)
+    monkeypatch.setattr(motions_module, "cache_folder", lambda name: folder)
 
 
 def test_every_action_has_a_motion(library):
@@ -67,7 +66,12 @@ def test_the_end_of_one_motion_is_the_start_of_the_next(library):
         np.testing.assert_allclose(start(ActionKind.PREPARE, index), home, atol=1e-9)
         np.testing.assert_allclose(start(ActionKind.JOINT, index), prepared, atol=1e-9)
         np.testing.assert_allclose(start(ActionKind.HOME_ABORTED, index), prepared, atol=1e-9)
-        np.testing.assert_allclose(start(ActionKind.HOME, index), end(ActionKind.JOINT, index), atol=1e-9)
+        np.testing.assert_allclose(start(ActionKind.HOME, index)[:7], end(ActionKind.JOINT, index)[:7], atol=1e-9)
+        # A key is let go when the person has it, and the gripper opens by itself then.
+        opened = (
+            Workcell().gripper_open if library.hand_over(ActionKind.JOINT, index) else end(ActionKind.JOINT, index)[7]
+        )
+        assert start(ActionKind.HOME, index)[7] == opened
         np.testing.assert_allclose(end(ActionKind.HOME, index), home, atol=1e-9)
         np.testing.assert_allclose(end(ActionKind.HOME_ABORTED, index), home, atol=1e-9)
 
@@ -82,7 +86,7 @@ def test_the_fraction_is_clamped(library):
 @pytest.mark.parametrize("slower", [1.0, 1.7])
 def test_limits_hold_at_full_speed_and_slower(library, scene, slower):
     """Velocities and accelerations by differences of ``position`` alone, within the scaled limits."""
-    _, plant, _ = scene
+    plant = scene.plant
     workcell = Workcell()
     lower, upper = plant.GetPositionLowerLimits()[:7], plant.GetPositionUpperLimits()[:7]
     velocity = workcell.velocity_scale * plant.GetVelocityUpperLimits()[:7] / slower
@@ -104,88 +108,134 @@ def test_limits_hold_at_full_speed_and_slower(library, scene, slower):
     assert largest > 0.95  # time-optimal: some limit is reached
 
 
+def clearances(scene, motion, ignored) -> np.ndarray:
+    """(n) [m] along a motion, whatever is carried left out."""
+    found = []
+    for t in np.linspace(0.0, motion.duration, 150):
+        width = float(np.interp(t, motion.width_times, motion.widths))
+        with scene.carrying("", ignored, max(width, 0.02)):
+            found.append(scene.clearance(motion.trajectory.value(t)[:, 0])[0])
+    return np.array(found)
+
+
+def touched(index: int, kind: ActionKind) -> tuple[str, ...]:
+    """Zones that an action enters."""
+    workcell = Workcell()
+    if kind == ActionKind.ROBOT_TASK:
+        return (f"cube_{(index - 1) % 4 + 1}", f"tray_{(index - 1) % 4 + 1}")
+    component = components(workcell)[component_index(workcell, ActionKind.PREPARE, index)]
+    return (component.name, *([PLACED_SIDE, "chair_base"] if index == 1 else []))
+
+
 def test_motions_keep_clear_of_everything(library, scene):
-    _, plant, context = scene
-    query = plant.get_geometry_query_input_port()
+    workcell = Workcell()
     for kind, index in library:
-        for fraction in np.linspace(0.0, 1.0, 120):
-            width = library.gripper_width(kind, index, fraction)
-            gripper_pose(scene, library.position(kind, index, fraction), width)
-            pairs = query.Eval(context).ComputeSignedDistancePairwiseClosestPoints(0.05)
-            assert min((pair.distance for pair in pairs), default=0.05) >= Workcell().clearance - 1e-3
+        found = clearances(scene, library.motion(kind, index), touched(index, kind))
+        assert found.min() >= workcell.contact_clearance - 5e-4
+        # Only near a grasp or a place is it less than the clearance.
+        assert np.mean(found < workcell.clearance - 1e-3) < 0.75
+    # And what is touched is touched: with its zone in the way the clearance is gone.
+    assert clearances(scene, library.motion(ActionKind.ROBOT_TASK, 1), ("tray_1",)).min() < 0
+
+
+def test_motions_to_any_place_of_a_component_keep_within_limits_and_clear(library, scene):
+    workcell = Workcell()
+    rng = np.random.default_rng(5)
+    for _ in range(2):
+        layout = sample_layout(workcell, rng)
+        for kind, index in [action for action in library if action[0] in FETCHING][:6]:
+            number = component_index(workcell, kind, index)
+            motion = library.motion(kind, index, layout.located[number])
+            assert clearances(scene, motion, touched(index, kind)).min() >= workcell.contact_clearance - 5e-4
+            nominal = library.motion(kind, index)
+            assert motion.duration == pytest.approx(nominal.duration, abs=0.6)
+            np.testing.assert_allclose(motion.positions[[0, -1]], nominal.positions[[0, -1]], atol=1e-9)
+            # The gripper comes to the component, as its grasp says.
+            component = components(workcell)[number]
+            closing = motion.width_times[np.argmax(np.diff(motion.widths) < 0)]
+            X_WG = scene.gripper_pose(motion.trajectory.value(closing)[:, 0])
+            X_OG = component.pose(layout.located[number]).InvertAndCompose(X_WG)
+            errors = [X_OG.InvertAndCompose(component.grasp.X_OG(yaw)) for yaw in component.grasp.yaws]
+            assert min(np.linalg.norm(e.translation()) + e.rotation().ToAngleAxis().angle() for e in errors) < 3e-3
+
+
+def test_a_place_is_planned_once_and_is_a_function_of_itself_alone(library):
+    workcell = Workcell()
+    place = components(workcell)[0].located + np.array([0.004, -0.003, 0.2])
+    first = library.motion(ActionKind.ROBOT_TASK, 1, place)
+    assert library.motion(ActionKind.ROBOT_TASK, 1, place.copy()) is first
+    assert first is not library.motion(ActionKind.ROBOT_TASK, 1)
+    nominal = components(workcell)[0].located
+    assert library.motion(ActionKind.ROBOT_TASK, 1, nominal) is library.motion(ActionKind.ROBOT_TASK, 1)
+    other = plan_motions(workcell, NUM_ROBOT_TASKS, NUM_JOINT_ACTIONS)
+    other.motion(ActionKind.ROBOT_TASK, 2, components(workcell)[1].located + 0.002)
+    np.testing.assert_array_equal(other.motion(ActionKind.ROBOT_TASK, 1, place).positions, first.positions)
 
 
 def test_durations_leave_room_for_the_drawn_ones(library):
     """The task draws about 8 s a sort (CV 0.1), 8-11 s a preparation, 10-15 s a joint action, 5-8 s homing."""
-    longest = {ActionKind.ROBOT_TASK: 5.5, ActionKind.PREPARE: 6.0, ActionKind.JOINT: 6.0}
+    longest = {ActionKind.ROBOT_TASK: 5.5, ActionKind.PREPARE: 5.5, ActionKind.JOINT: 6.0}
     for kind, index in library:
-        assert 0.3 < library.minimum_duration(kind, index) <= longest.get(kind, 4.0)
+        assert 0.3 < library.minimum_duration(kind, index) <= longest.get(kind, 4.5)
 
 
-def test_a_robot_task_visits_its_cube_and_its_tray(library, scene):
+def test_a_robot_task_takes_its_cube_to_its_tray(library, scene):
     workcell = Workcell()
     for i in range(1, NUM_ROBOT_TASKS + 1):
         samples = np.linspace(0.0, 1.0, 400)
         p_WG = np.array(
-            [gripper_pose(scene, library.position(ActionKind.ROBOT_TASK, i, f)).translation() for f in samples]
+            [scene.gripper_pose(library.position(ActionKind.ROBOT_TASK, i, f)).translation() for f in samples]
         )
         widths = np.array([library.gripper_width(ActionKind.ROBOT_TASK, i, f) for f in samples])
-        cube = np.add(workcell.cubes[(i - 1) % 4].translation, [0.0, 0.0, 0.02 + workcell.grasp_standoff])
-        tray = np.add(workcell.trays[(i - 1) % 4].translation, [0.0, 0.0, 0.028 + workcell.grasp_standoff])
+        cube = np.add(workcell.cubes[(i - 1) % 4].translation, [0.0, 0.0, 0.001])
+        tray = np.add(workcell.trays[(i - 1) % 4].translation, [0.0, 0.0, 0.006 + 0.021 + workcell.release_gap])
         to_cube, to_tray = (np.linalg.norm(p_WG - p, axis=1) for p in (cube, tray))
         assert to_cube.min() < 2e-3
         assert to_tray.min() < 2e-3
         assert to_cube.argmin() < to_tray.argmin()
-        # Open on the way to the cube, closed on the way to the tray.
-        assert widths[to_cube.argmin()] > workcell.gripper_closed
-        between = (to_cube.argmin() + to_tray.argmin()) // 2
-        assert widths[between] == pytest.approx(workcell.gripper_closed)
+        # Open on the way to the cube, closed on the way to the tray, open again after it.
+        assert widths[to_cube.argmin()] > 0.04
+        assert widths[(to_cube.argmin() + to_tray.argmin()) // 2] == pytest.approx(0.04 - workcell.gripper_squeeze)
+        assert widths[-1] == pytest.approx(workcell.gripper_open)
 
 
 def test_prepared_and_end_poses_are_the_configured_ones(library, scene):
-    presentations = Workcell().presentations
-    for index, k in ((1, 0), (2, 1), (3, 2), (4, 1)):
-        for kind, pose in ((ActionKind.PREPARE, presentations[k].prepared), (ActionKind.JOINT, presentations[k].end)):
-            X_WG = gripper_pose(scene, library.position(kind, index, 1.0))
-            error = pose.to_rigid_transform().InvertAndCompose(X_WG)
-            assert np.linalg.norm(error.translation()) < 5e-4
-            assert error.rotation().ToAngleAxis().angle() < 0.015
+    workcell = Workcell()
+    side = components(workcell)[4]
+    X_OG = side.grasp.X_OG(side.grasp.yaws[0])
+    lifted = RigidTransform([0.0, 0.0, workcell.release_gap]) @ workcell.chair_side_placed.to_rigid_transform()
+    expected = {
+        (ActionKind.PREPARE, 1): workcell.chair_side_prepared.to_rigid_transform() @ X_OG,
+        (ActionKind.JOINT, 1): lifted @ X_OG,
+    }
+    for index, k in ((2, 0), (3, 1), (4, 0)):
+        expected[ActionKind.PREPARE, index] = workcell.presentations[k].prepared.to_rigid_transform()
+        expected[ActionKind.JOINT, index] = workcell.presentations[k].end.to_rigid_transform()
+    for (kind, index), X_WG in expected.items():
+        error = X_WG.InvertAndCompose(scene.gripper_pose(library.position(kind, index, 1.0)))
+        assert np.linalg.norm(error.translation()) < 5e-4
+        assert error.rotation().ToAngleAxis().angle() < 5e-3
 
 
-def test_planning_is_deterministic(library):
+def test_planning_is_deterministic_and_kept_on_disk(library, tmp_path, monkeypatch):
+    monkeypatch.setattr(motions_module, "cache_folder", lambda name: tmp_path)
     again = plan_motions(Workcell(), 1, 1)
-    for kind, index in again:
-        for fraction in (0.0, 0.21, 0.5, 0.83):
-            np.testing.assert_array_equal(
-                again.position(kind, index, fraction), library.position(kind, index, fraction)
-            )
-        assert again.minimum_duration(kind, index) == library.minimum_duration(kind, index)
-
-
-def test_restarts_of_inverse_kinematics_are_seeded():
-    """A pose that the first guess does not solve: equal seeds give equal postures, another seed another one."""
-    pose = Pose(translation=[0.59, -0.22, 0.52], rpy=[-0.2, -0.1, 2.4])
-    workcell = replace(Workcell(), presentations=[Presentation(prepared=pose, end=pose), *Workcell().presentations[1:]])
-    first, second, other = (
-        plan_motions(replace(workcell, seed=seed), 0, 1).position(ActionKind.PREPARE, 1, 1.0) for seed in (0, 0, 1)
-    )
-    np.testing.assert_array_equal(first, second)
-    assert np.max(np.abs(first - other)) > 0.1
-
-
-def test_a_joint_action_may_end_where_it_starts():
-    pose = Workcell().presentations[0].prepared
-    workcell = replace(
-        Workcell(),
-        gripper_open=0.05,
-        gripper_closed=0.05,
-        presentations=[Presentation(prepared=pose, end=pose), *Workcell().presentations[1:]],
-    )
-    library = plan_motions(workcell, 0, 1)
-    assert library.minimum_duration(ActionKind.JOINT, 1) > 0
-    np.testing.assert_allclose(
-        library.position(ActionKind.JOINT, 1, 1.0), library.position(ActionKind.PREPARE, 1, 1.0), atol=2e-3
-    )
+    (file,) = tmp_path.iterdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(motions_module, "_Planner", None)  # nothing is planned a second time
+        kept = plan_motions(Workcell(), 1, 1)
+    for other in (again, kept):
+        assert len(other) == 5
+        for kind, index in other:
+            for name in ("times", "positions", "velocities", "width_times", "widths", "approaches"):
+                np.testing.assert_array_equal(
+                    getattr(other.motion(kind, index), name), getattr(library.motion(kind, index), name)
+                )
+    # Another workcell has other plans, and a damaged file is made anew.
+    plan_motions(replace(Workcell(), carry_height=0.34), 0, 1)
+    assert len(list(tmp_path.iterdir())) == 2
+    file.write_bytes(file.read_bytes()[:1000])
+    assert len(plan_motions(Workcell(), 1, 1)) == 5
 
 
 def test_every_cube_reaches_every_tray():
@@ -196,22 +246,51 @@ def test_every_cube_reaches_every_tray():
         assert len(plan_motions(replace(workcell, trays=trays), 4, 0)) == 4
 
 
-def test_a_leg_that_would_hit_something_goes_over_it(scene):
-    """From one side of the rails on the assembly table to the other, low: the straight way leads through them."""
-    low = [Pose(translation=[0.66, y, 0.10], rpy=[pi, 0.0, 0.0]) for y in (0.36, -0.36)]
-    workcell = replace(
-        Workcell(), presentations=[Presentation(prepared=low[0], end=low[1]), *Workcell().presentations[1:]]
-    )
-    library = plan_motions(workcell, 0, 1)
-    heights = [
-        gripper_pose(scene, library.position(ActionKind.JOINT, 1, f)).translation()[2] for f in np.linspace(0, 1, 50)
-    ]
-    assert max(heights) > 0.2
+def posture(planner, X_WG, near) -> Via:
+    rng = np.random.default_rng(0)
+    return planner.via("place", [X_WG], rng, near, Load(), 1.1 * planner.scene.workcell.clearance, 30)
+
+
+@pytest.mark.parametrize("detours", [True, False])
+def test_a_leg_that_would_hit_something_goes_over_or_round_it(scene, monkeypatch, detours):
+    """From one side of the rails on the assembly table to the other, low: the straight way leads through them. Without
+    detours the trajectory optimisation must find a way."""
+    planner = LegPlanner(scene)
+    home = np.array(Workcell().home)
+    down, turn = RollPitchYaw(pi, 0.0, 0.0), 1.2 * np.eye(7)[0]
+    a, b = (posture(planner, RigidTransform(down, [0.62, y, 0.12]), home + y * turn) for y in (0.36, -0.36))
+    if not detours:
+        monkeypatch.setattr("pace_drake.stations.legs._MAX_DETOURS", 0)
+    leg = planner.plan("the leg", [a, b], Load())
+    heights = [scene.gripper_pose(q).translation()[2] for q in leg.positions]
+    if detours:
+        assert max(heights) > 0.2
+    with scene.carrying("", (), Load().width):
+        assert min(scene.clearance(q)[0] for q in leg.positions) >= Workcell().clearance - 1e-3
+        straight = np.linspace(a.q, b.q, 50)
+        assert min(scene.clearance(q)[0] for q in straight) < Workcell().clearance - 1e-3
+
+
+def test_what_is_carried_keeps_clear_too(scene):
+    """The chair's side, held over the rails: the arm is well clear of everything, what it carries is not."""
+    workcell = Workcell()
+    side = components(workcell)[4]
+    X_WO = RigidTransform([0.0, 0.0, 0.01]) @ workcell.chair_side_placed.to_rigid_transform()
+    near = np.array(workcell.home) - pi / 2 * np.eye(7)[6]
+    load = Load("", ("chair_base", PLACED_SIDE))
+    planner = LegPlanner(scene)
+    via = planner.via("low", [X_WO @ side.grasp.X_OG(pi / 2)], np.random.default_rng(0), near, load, 0.003, 30)
+    with scene.carrying("", (PLACED_SIDE,), 0.05):
+        assert scene.clearance(via.q)[0] > 0.02
+    with scene.carrying("chair_side", (PLACED_SIDE,), 0.05):
+        distance, names = scene.clearance(via.q)
+    assert distance == pytest.approx(0.01, abs=1e-3)
+    assert "carried chair_side" in names
 
 
 def test_a_place_out_of_reach_is_refused_by_name():
     workcell = replace(Workcell(), cubes=[Pose(translation=[1.4, -0.3, 0.02])])
-    with pytest.raises(InputError, match=r"workcell\.cubes\[0\]: no posture"):
+    with pytest.raises(InputError, match=r"workcell\.cube_1: no posture"):
         plan_motions(workcell, 1, 0)
 
 
@@ -219,7 +298,7 @@ def test_a_motion_that_comes_too_near_is_refused_with_its_distance():
     workcell = Workcell()
     # The home position lies on the table top, as good as touching it.
     workcell.home = [-0.95, 0.85, 0.0, -1.87, 0.0, 2.72, 0.0]
-    with pytest.raises(InputError, match=r"robot task 1 leaves only -?\d\.\d{4} m between .+ and "):
+    with pytest.raises(InputError, match=r"robot task 1 leaves -?\d\.\d{4} m too little between .+ and "):
         plan_motions(workcell, 1, 0)
 
 
@@ -234,7 +313,10 @@ def test_a_motion_that_comes_too_near_is_refused_with_its_distance():
         ({"cubes": []}, r"workcell\.cubes: needs at least 1"),
         ({"trays": [Pose(translation=[0.0, float("nan"), 0.0])]}, r"workcell\.trays\[0\]\.translation"),
         ({"colors": [[2.0, 0.0, 0.0, 1.0]]}, r"workcell\.colors\[0\]: every channel"),
-        ({"presentations": [Presentation()]}, r"workcell\.presentations: needs at least 2"),
+        ({"presentations": []}, r"workcell\.presentations: needs at least 1"),
+        ({"presentations": [Presentation(hand=[0.0])]}, r"workcell\.presentations\[0\]\.hand: must be 3"),
+        ({"cube_spread": [0.01, 0.01, -0.1]}, r"workcell\.cube_spread: must be >= 0"),
+        ({"grip_time": -1.0}, r"workcell\.grip_time: must be > 0"),
         ({"home": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, r"workcell\.home: must stay 0\.05 rad inside"),
     ],
 )
