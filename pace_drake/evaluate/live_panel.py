@@ -39,8 +39,10 @@ class LivePanel:
     @staticmethod
     def _describe(simulation: Simulation) -> str:
         chart = simulation.assembly.task_statechart
-        leaf = chart.compiled.leaf(chart.chart_state(chart.GetMyContextFromRoot(simulation.context)))
-        number = int(simulation.output("robot_action")[1])
+        context = chart.GetMyContextFromRoot(simulation.context)
+        leaf = chart.compiled.leaf(chart.chart_state(context))
+        waited = chart.GetOutputPort("robot_waiting").Eval(context)[0]
+        number = int(simulation.output("robot_action")[1] or waited)
         action = simulation.assembly.scenario.task.human_actions[int(simulation.output("human_action")[0]) - 1].name
         waits = "waits: " if simulation.output("human_waiting")[0] else ""
         return f"robot: {leaf}{f' {number}' if number else ''}, person: {waits}{action}"

@@ -140,7 +140,7 @@ def _robot(events: list[dict[str, str]], task: Task, end: float) -> list[dict[st
             numbered = state not in _UNNUMBERED
             label = _label(state, index) if numbered else state
             changes.append((float(row["time"]), state, label, what if numbered else ""))
-    stops = [change[0] for change in changes[1:]] + [end]
+    changes.append((end, "", "", ""))
     return [
         {
             "start": time,
@@ -150,7 +150,7 @@ def _robot(events: list[dict[str, str]], task: Task, end: float) -> list[dict[st
             "colour": _COLOUR_OF_STATE.get(state, _PLAIN),
             "waits": state == "WAIT",
         }
-        for (time, state, label, what), stop in zip(changes, stops, strict=True)
+        for (time, state, label, what), (stop, *_) in pairwise(changes)
         if stop > time or (time == end and stop == end)
     ]
 
