@@ -18,6 +18,7 @@ from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInter
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
 from pace_drake.stations.person import Person
+from pace_drake.stations.robot_looks import wear_drake_models
 from pace_drake.stations.workcell import Pose, Workcell
 
 NUM_ARM_JOINTS = 7
@@ -33,7 +34,7 @@ def add_workcell(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workc
     Args:
         plant: not yet finalized, registered with ``scene_graph``.
         scene_graph: where cubes and trays get their colours.
-        workcell: poses and colours.
+        workcell: poses, colours and the Panda's looks.
         free_cubes: True lets the cubes move under contact, False welds them where they lie.
     """
     models = resource_path("models/package.xml").parent
@@ -41,6 +42,8 @@ def add_workcell(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workc
     parser.SetAutoRenaming(True)
     parser.package_map().AddPackageXml(str(models / "package.xml"))
     ProcessModelDirectives(LoadModelDirectives(str(models / "workcell.dmd.yaml")), parser)
+    if workcell.robot_model == "drake_models":
+        wear_drake_models(plant, scene_graph, plant.GetModelInstanceByName("panda"))
 
     def add(model: str, name: str, pose: Pose, *, weld: bool = True) -> RigidBody:
         (instance,) = parser.AddModels(str(models / f"{model}.sdf"))

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import pairwise
 
 import matplotlib.image
 import numpy as np
@@ -71,7 +72,7 @@ def test_the_story_has_no_gaps_and_names_everything(task_run, scenario):
     found = story(read_events(task_run / "events.csv"), scenario.task)
     for lane in ("robot", "human"):
         assert found[lane][0]["start"] == 0
-        assert all(a["stop"] == b["start"] for a, b in zip(found[lane], found[lane][1:], strict=False))
+        assert all(a["stop"] == b["start"] for a, b in pairwise(found[lane]))
         assert found[lane][-1]["stop"] == found["end"]
     labels = [one["label"] for one in found["robot"]]
     assert labels[0] == "ROBOT_TASK 1"
@@ -80,7 +81,7 @@ def test_the_story_has_no_gaps_and_names_everything(task_run, scenario):
     # Robot tasks go on where they were left, and homing is that of the joint action before it.
     numbers = [int(label.split()[1]) for label in labels if label.startswith("ROBOT_TASK")]
     assert numbers == [k % 4 + 1 for k in range(len(numbers))]
-    for before, after in zip(labels, labels[1:], strict=False):
+    for before, after in pairwise(labels):
         if before.startswith("JOINT"):
             assert after == before.replace("JOINT", "HOMING")
     names = {one["label"]: one["what"] for one in found["robot"]}
