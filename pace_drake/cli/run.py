@@ -203,7 +203,9 @@ class _Run:
         meshcat = self.meshcat
         meshcat.StopRecording()  # type: ignore[attr-defined]
         meshcat.PublishRecording()  # type: ignore[attr-defined]
-        run = f"policy {self.scenario.policy}, {self.level} level, seed {self.seed}, episode 1 of {self.episodes}"
+        run = f"policy {self.scenario.policy}, {self.level} level, seed {self.seed}"
+        if self.episodes > 1:
+            run += f", episode 1 of {self.episodes}"
         about = About(self.scenario.name, run, self.assembly.people.description)
         events = read_events(self.out / "events.csv", 0)
         html = replay_page(meshcat.StaticHtml(), events, self.scenario.task, about)  # type: ignore[attr-defined]
