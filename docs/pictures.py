@@ -1,20 +1,25 @@
-"""Makes the pictures of the README: ``make pictures``. The diagram needs Debian's graphviz, the workcell libegl1.
+"""Makes the pictures of the README: ``make pictures``. It needs Debian's graphviz, libegl1 and chromium.
 
-python docs/pictures.py [folder]
+python docs/pictures.py [--out FOLDER] [NAME ...], such as replay.png; all by default
 """
 
+import argparse
 import shutil
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from pace_drake.cli.main import main
-from pace_drake.diagram import Assembly
 from pace_drake.evaluate.workcell_picture import WORKING_POSE, render_workcell
-from pace_drake.policies.factory import make_policy
 from pace_drake.scenario import load_scenario
-from pace_drake.stations.motions import plan_motions
-from pace_drake.stations.plant import make_plant_station
+
+
+def pace(*arguments: str | Path) -> None:
+    """Runs a command; a failure ends all."""
+    try:
+        main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        if stop.code:
+            raise
 
 
 def workcell(path: Path) -> None:
@@ -26,46 +31,45 @@ def timeline(path: Path) -> None:
     """One episode of the default policy."""
     run = path.with_suffix(".run")
     shutil.rmtree(run, ignore_errors=True)
-    try:
-        main(["run", "ikea_chair", "--level", "task", "--seed", "1", "--out", str(run)])
-    except SystemExit as stop:
-        if stop.code:
-            raise
+    pace("run", "ikea_chair", "--level", "task", "--seed", "1", "--out", run)
     shutil.move(run / "timeline.png", path)
+    shutil.rmtree(run)
+
+
+def replay(path: Path) -> None:
+    """The page of the same episode at the plant level, while the robot goes to fetch the first key."""
+    run = path.with_suffix(".run")
+    shutil.rmtree(run, ignore_errors=True)
+    pace("run", "ikea_chair", "--level", "plant", "--seed", "1", "--out", run)
+    pace("view", run, "--screenshot", path, "--at", "52")
     shutil.rmtree(run)
 
 
 def diagram(path: Path) -> None:
     """Drake's own picture of the diagram."""
-    dot = shutil.which("dot")
-    if dot is None:
-        sys.exit("the picture of the diagram needs the dot program: apt-get install graphviz")
-    scenario = load_scenario("ikea_chair")
-    task = scenario.task
-    assembly = Assembly(
-        scenario,
-        make_policy("learned", scenario),
-        station=make_plant_station(scenario.workcell),
-        motions=plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions),
-    )
-    graph = assembly.GetGraphvizString(max_depth=1)
-    subprocess.run([dot, f"-T{path.suffix[1:]}", "-Gdpi=70", "-o", path], input=graph, text=True, check=True)
+    pace("diagram", "ikea_chair", "-o", path)
 
 
 def statechart(path: Path) -> None:
     """The chart of Fig. 2, while a decision is asked for."""
-    try:
-        main(["chart", "draw", "pace_task", "--layout", "rows", "--highlight", "DECIDE", "-o", str(path)])
-    except SystemExit as stop:
-        if stop.code:
-            raise
+    pace("chart", "draw", "pace_task", "--layout", "rows", "--highlight", "DECIDE", "-o", path)
 
+
+#: File to what makes it.
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "workcell.png": workcell,
+    "timeline.png": timeline,
+    "replay.png": replay,
+    "diagram.svg": diagram,
+    "statechart.png": statechart,
+    "statechart.svg": statechart,
+}
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "pictures"
-    folder.mkdir(exist_ok=True)
-    workcell(folder / "workcell.png")
-    timeline(folder / "timeline.png")
-    diagram(folder / "diagram.svg")
-    statechart(folder / "statechart.png")
-    statechart(folder / "statechart.svg")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", choices=[[], *PICTURES], metavar="NAME", help=", ".join(PICTURES))
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "pictures")
+    chosen = parser.parse_args()
+    chosen.out.mkdir(exist_ok=True)
+    for name in chosen.names or PICTURES:
+        PICTURES[name](chosen.out / name)

@@ -36,6 +36,7 @@ def test_everything_is_in_the_wheel(wheel):
         "pace_drake/policies/ikea_chair.onnx",
         "pace_drake/policies/ikea_chair.json",
         "pace_drake/py.typed",
+        "pace_drake/evaluate/replay.html",
     } <= names
     assert not [name for name in names if name.startswith(("tests/", "docs/", "examples/"))]
 

@@ -12,7 +12,7 @@ class _Verbs(click.Group):
     """Imports a verb only when it is called: ``pace --help`` need not wait for Drake or torch."""
 
     _modules = (
-        *("run", "train", "export", "sweep", "thresholds", "timeline"),
+        *("run", "train", "export", "sweep", "thresholds", "timeline", "view", "diagram"),
         *("scenarios", "demos", "tune", "evaluate", "chart"),
     )
 

@@ -13,6 +13,7 @@ from pace_drake.errors import InputError
 if TYPE_CHECKING:
     from pace_drake.diagram import Assembly
     from pace_drake.evaluate.episode import EpisodeResult
+    from pace_drake.evaluate.live_panel import LivePanel
     from pace_drake.evaluate.workcell import Sort
     from pace_drake.policies import Policy
     from pace_drake.scenario import Scenario
@@ -35,7 +36,9 @@ if TYPE_CHECKING:
 @click.option("--lambda", "human_idle_weight", type=float, help="Weight of human idle time in the cost, > 0.")
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
 @click.option("--out", type=click.Path(path_type=Path), help="Run folder; default runs/<time>-<scenario>-<policy>.")
-@click.option("--meshcat", is_flag=True, help="Show the plant live in a browser, on localhost only.")
+@click.option(
+    "--meshcat", is_flag=True, help="Show the plant live in a browser, on localhost only; figures in its controls."
+)
 def command(
     scenario: str,
     policy: str | None,
@@ -95,6 +98,7 @@ class _Run:
         self.sorts: list[Sort] = []
         self.console = Console()
         self.out = self._choose_folder(out)
+        self.live: LivePanel | None = None
         self.assembly, self.meshcat = self._build(policy, show)
         # Made last, so that bad input leaves nothing behind.
         try:
@@ -121,7 +125,10 @@ class _Run:
         meshcat.SetProperty("/Axes", "visible", False)
         meshcat.SetCameraPose(camera_in_world=[-0.35, -1.7, 0.9], target_in_world=[0.6, 0.05, 0.0])
         if show:
+            from pace_drake.evaluate.live_panel import LivePanel
+
             self.console.print(f"live view: {meshcat.web_url()}")
+            self.live = LivePanel(meshcat)
         task = self.scenario.task
         with self.console.status("planning the robot's motions"):
             motions = plan_motions(self.scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
@@ -181,6 +188,8 @@ class _Run:
                 def show(time: float, number: int = number) -> None:
                     action = int(simulation.output("human_action")[0]) - 1
                     bar.update(item, completed=number if self.episodes > 1 else action, simulated=time)
+                    if self.live is not None:
+                        self.live.show(simulation)
 
                 episode = simulation.sample_episode(np.random.default_rng([self.seed, number]))
                 layout, recorder = None, WorkcellRecorder()
@@ -208,12 +217,19 @@ class _Run:
         self._print_table(mean, sum(not result.finished for result in results))
 
     def _write_replay(self) -> None:
+        from pace_drake.evaluate.replay import About, replay_page
+        from pace_drake.evaluate.timeline import read_events
         from pace_drake.files import write_whole
 
         meshcat = self.meshcat
         meshcat.StopRecording()  # type: ignore[attr-defined]
         meshcat.PublishRecording()  # type: ignore[attr-defined]
-        html = meshcat.StaticHtml()  # type: ignore[attr-defined]
+        run = f"policy {self.scenario.policy}, {self.level} level, seed {self.seed}"
+        if self.episodes > 1:
+            run += f", episode 1 of {self.episodes}"
+        about = About(self.scenario.name, run, self.assembly.people.description)
+        events = read_events(self.out / "events.csv", 0)
+        html = replay_page(meshcat.StaticHtml(), events, self.scenario.task, about)  # type: ignore[attr-defined]
         write_whole(self.out / "replay.html", lambda part: part.write_text(html, encoding="utf-8"))
 
     def _write_summary(self, results: "list[EpisodeResult]", mean: dict) -> None:

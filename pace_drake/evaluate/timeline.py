@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 #: Resolution of the pictures.
 DPI = 110
 
-_COLOURS = {
+#: What is drawn in which colour.
+COLOURS = {
     "human": "#4c78a8",
     "joint": "#54a24b",
     "ROBOT_TASK": "#9d9da1",
@@ -84,7 +85,7 @@ def timeline_figure(events: list[dict[str, str]], task: Task, title: str) -> "Fi
             1,
             float(row["time"]),
             stop,
-            _COLOURS["joint" if joint else "human"],
+            COLOURS["joint" if joint else "human"],
             row["name"].replace("_", "\n", 1),
         )
     for row in events:
@@ -98,11 +99,11 @@ def timeline_figure(events: list[dict[str, str]], task: Task, title: str) -> "Fi
                 ActionKind.PREPARE: f"prepare\n{index}",
                 ActionKind.JOINT: f"joint\n{index}",
             }.get(kind, "home")
-            bar(0, start, min(stop, end), _COLOURS[row["name"]], name)
+            bar(0, start, min(stop, end), COLOURS[row["name"]], name)
         elif row["kind"] in ("robot_idle", "human_idle"):
             start = float(row["start"])
             lane = 0 if row["kind"] == "robot_idle" else 1
-            bar(lane, start, start + float(row["duration"]), _COLOURS["idle"], "", "///")
+            bar(lane, start, start + float(row["duration"]), COLOURS["idle"], "", "///")
             lanes.text(
                 start + float(row["duration"]) / 2,
                 lane + 0.45,
@@ -110,18 +111,18 @@ def timeline_figure(events: list[dict[str, str]], task: Task, title: str) -> "Fi
                 ha="center",
                 va="bottom",
                 fontsize=7,
-                color=_COLOURS["idle"],
+                color=COLOURS["idle"],
             )
     lanes.set_yticks([0, 1], ["robot", "human"])
     lanes.set_ylim(-0.6, 1.9)
     lanes.set_title(title, fontsize=10)
     lanes.legend(
         handles=[
-            Patch(color=_COLOURS["human"], label="human action"),
-            Patch(color=_COLOURS["joint"], label="joint action"),
-            Patch(color=_COLOURS["ROBOT_TASK"], label="robot task"),
-            Patch(color=_COLOURS["PREPARE"], label="preparation"),
-            Patch(facecolor=_COLOURS["idle"], hatch="///", label="waiting"),
+            Patch(color=COLOURS["human"], label="human action"),
+            Patch(color=COLOURS["joint"], label="joint action"),
+            Patch(color=COLOURS["ROBOT_TASK"], label="robot task"),
+            Patch(color=COLOURS["PREPARE"], label="preparation"),
+            Patch(facecolor=COLOURS["idle"], hatch="///", label="waiting"),
         ],
         ncols=5,
         fontsize=7,
@@ -146,7 +147,7 @@ def timeline_figure(events: list[dict[str, str]], task: Task, title: str) -> "Fi
         phases.plot(
             times,
             [float(r["phase"]) for r in of_action],
-            color=_COLOURS["human"],
+            color=COLOURS["human"],
             lw=1.5,
             label="estimated phase" if first else None,
         )

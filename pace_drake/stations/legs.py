@@ -237,7 +237,7 @@ class LegPlanner:
                 guess[:NUM_ARM_JOINTS] += np.outer(middle - (start + end) / 2, bump)
             problem.SetInitialGuess(BsplineTrajectory(problem.basis(), guess))
             constraint = MinimumDistanceLowerBoundConstraint(
-                self.scene.plant, 1.2 * self._workcell.clearance, self.scene.plant_context, None, 0.02
+                self.scene.plant, 1.5 * self._workcell.clearance, self.scene.plant_context, None, 0.02
             )
             for s in np.linspace(0.0, 1.0, _NUM_COLLISION_SAMPLES)[1:-1]:
                 problem.AddPathPositionConstraint(constraint, s)

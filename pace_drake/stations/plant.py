@@ -26,6 +26,7 @@ from pace_drake.stations.contact_monitor import ContactMonitor
 from pace_drake.stations.human_grip import HumanGrip
 from pace_drake.stations.layout import Layout, nominal_layout
 from pace_drake.stations.person import Person
+from pace_drake.stations.robot_looks import wear_drake_models
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import NUM_ROBOT_DRAWS
 
@@ -42,7 +43,7 @@ def add_furniture(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Work
     Args:
         plant: not yet finalized, registered with ``scene_graph``.
         scene_graph: where trays get their colours.
-        workcell: poses and colours.
+        workcell: poses, colours and the Panda's looks.
 
     Returns:
         The parser, for more models.
@@ -52,6 +53,8 @@ def add_furniture(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Work
     parser.SetAutoRenaming(True)
     parser.package_map().AddPackageXml(str(models / "package.xml"))
     ProcessModelDirectives(LoadModelDirectives(str(models / "workcell.dmd.yaml")), parser)
+    if workcell.robot_model == "drake_models":
+        wear_drake_models(plant, scene_graph, plant.GetModelInstanceByName("panda"))
     for k, pose in enumerate(workcell.trays):
         body = _add_model(plant, parser, "tray", f"tray_{k + 1}")
         plant.WeldFrames(plant.world_frame(), body.body_frame(), pose.to_rigid_transform())

@@ -7,6 +7,9 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pace_drake.errors import InputError
 
+ROBOT_MODELS = ("pace_drake", "drake_models")
+"""Whose shapes the Panda shows: our own simple ones, or the meshes of Drake's model package."""
+
 
 @dataclass(kw_only=True)
 class Pose:
@@ -65,6 +68,8 @@ class Workcell:
     refers to is placed by this class, so that scene and motions cannot disagree.
     """
 
+    robot_model: str = "pace_drake"
+    """How the Panda looks: ``pace_drake`` or ``drake_models`` (Drake's meshes, from the internet at the first use)."""
     time_step: float = 0.005
     """[s] of the discrete plant."""
     reference_period: float = 0.01
@@ -154,6 +159,8 @@ class Workcell:
 
     def validate(self, name: str = "workcell") -> None:
         """Raises InputError that names the field if a value cannot be used."""
+        if self.robot_model not in ROBOT_MODELS:
+            raise InputError(f"{name}.robot_model: must be one of {', '.join(ROBOT_MODELS)}, is {self.robot_model!r}")
         for attribute in (
             "time_step",
             "reference_period",

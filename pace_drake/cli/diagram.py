@@ -1,0 +1,86 @@
+"""``pace diagram``: Drake's own picture of the block diagram."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pace_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from pace_drake.diagram import Assembly
+
+_KINDS = (".svg", ".png", ".dot")
+
+
+@click.command("diagram", short_help="Draw the block diagram: systems, ports, connections.")
+@click.argument("scenario", default="ikea_chair")
+@click.option(
+    "--level",
+    type=click.Choice(["plant", "task"]),
+    default="plant",
+    show_default=True,
+    help="plant: with the station; task: without.",
+)
+@click.option(
+    "--depth",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="How far diagrams in the diagram are opened: 0 shows one block, 2 the inside of the station.",
+)
+@click.option("--policy", help="Policy name or .onnx file; default the scenario's.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("diagram.svg"),
+    show_default=True,
+    help="Picture (.svg, .png), or .dot for Graphviz's text.",
+)
+def command(
+    scenario: str, level: str, depth: int, policy: str | None, overrides: tuple[str, ...], output: Path
+) -> None:
+    """Draw the block diagram of SCENARIO (a name or a .yaml file), as Drake writes it.
+
+    A picture needs Graphviz's dot, or what pip install 'pace_drake[diagram]' brings; a .dot file needs neither.
+    """
+    from pace_drake.files import write_whole
+    from pace_drake.graphviz import draw_dot, find_dot
+
+    if output.suffix not in _KINDS:
+        raise InputError(f"{output}: the name must end in {', '.join(_KINDS[:-1])} or {_KINDS[-1]}")
+    if not output.parent.is_dir():
+        raise InputError(f"{output.parent}: no such folder")
+    if output.suffix != ".dot":
+        find_dot()  # says what is missing, before anything is built
+    text = _assembly(scenario, level, policy, overrides).GetGraphvizString(max_depth=depth)
+    # Class names without their modules: boxes half as wide.
+    text = re.sub(r"<B>(?:\w+\.)+(\w+)</B>", r"<B>\1</B>", text)
+    picture = text.encode() if output.suffix == ".dot" else draw_dot(text, output.suffix[1:])
+    try:
+        write_whole(output, lambda part: part.write_bytes(picture))
+    except OSError as error:
+        raise InputError(f"{output}: cannot be written: {error.strerror}") from error
+    click.echo(output)
+
+
+def _assembly(name: str, level: str, policy: str | None, overrides: tuple[str, ...]) -> "Assembly":
+    import json
+
+    from pace_drake.diagram import Assembly
+    from pace_drake.policies.factory import make_policy
+    from pace_drake.scenario import load_scenario
+
+    scenario = load_scenario(name, (*overrides, *([f"policy={json.dumps(policy)}"] if policy is not None else [])))
+    chosen = make_policy(scenario.policy, scenario)
+    if level == "task":
+        return Assembly(scenario, chosen)
+    from pace_drake.stations.motions import plan_motions
+    from pace_drake.stations.plant import make_plant_station
+
+    task = scenario.task
+    motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
+    return Assembly(scenario, chosen, station=make_plant_station(scenario.workcell), motions=motions)
