@@ -17,7 +17,10 @@ from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInter
 
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
+from pace_drake.stations.camera import add_cameras
+from pace_drake.stations.components import component_names
 from pace_drake.stations.person import Person
+from pace_drake.stations.tags import add_tags
 from pace_drake.stations.workcell import Pose, Workcell
 
 NUM_ARM_JOINTS = 7
@@ -62,6 +65,7 @@ def add_workcell(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workc
         paint(add("tray", f"tray_{k + 1}", pose), k)
     for k, pose in enumerate(workcell.cubes):
         paint(add("cube", f"cube_{k + 1}", pose, weld=not free_cubes), k)
+    add_tags(plant, component_names(workcell))
 
 
 def _paint(plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody, color: Rgba) -> None:
@@ -76,7 +80,11 @@ def _paint(plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody, colo
 
 
 def make_plant_station(
-    workcell: Workcell, *, meshcat: Meshcat | None = None, initial_position: np.ndarray | None = None
+    workcell: Workcell,
+    *,
+    meshcat: Meshcat | None = None,
+    initial_position: np.ndarray | None = None,
+    cameras: bool = False,
 ) -> Diagram:
     """Makes the Diagram named "station" of the plant level.
 
@@ -95,6 +103,8 @@ def make_plant_station(
         panda.torque_external (7) [N m]: generalized contact forces, zero until the first step.
         gripper.state_measured (2) [m, m/s]: width and its rate.
         query_object: Drake's QueryObject of the SceneGraph.
+        body_poses: the plant's list of X_WB, by body index.
+        sorting_camera.color_image, sorting_camera.depth_image, ...: only with cameras; see ``add_cameras``.
 
     State: that of the discrete MultibodyPlant (time step ``workcell.time_step``), which starts at rest with the
     gripper open, and two samples of the desired position.
@@ -103,9 +113,10 @@ def make_plant_station(
         workcell: what stands where, gains, time step.
         meshcat: shows the station if given.
         initial_position: (7) [rad] where the arm starts; ``workcell.home`` by default.
+        cameras: whether there are cameras over the tables.
 
     Raises:
-        InputError: the workcell or the initial position cannot be used.
+        InputError: the workcell or the initial position cannot be used, or this machine cannot render for cameras.
     """
     workcell.validate()
     position = np.asarray(workcell.home if initial_position is None else initial_position, dtype=float)
@@ -164,10 +175,17 @@ def make_plant_station(
     export_rows("gripper.state_measured", width, "panda_state")
     export_rows("panda.torque_external", np.eye(num_joints)[:NUM_ARM_JOINTS], "panda_generalized_contact_forces")
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
+    builder.ExportOutput(plant.get_body_poses_output_port(), "body_poses")
 
     person = builder.AddNamedSystem("person", Person(scene_graph))
     builder.ExportInput(person.GetInputPort("p_WH"), "p_WH")
     builder.Connect(person.get_output_port(), scene_graph.get_source_pose_port(person.source_id))
+    if cameras:
+        sources = {
+            plant.get_source_id(): plant.get_geometry_pose_output_port(),
+            person.source_id: person.get_output_port(),
+        }
+        add_cameras(builder, scene_graph, sources, workcell.cameras)
 
     if meshcat is not None:
         # As fast as a replay is recorded: every picture costs as much as a step of the plant.

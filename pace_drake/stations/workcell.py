@@ -37,6 +37,39 @@ class Presentation:
     """X_WG when the joint action ends."""
 
 
+@dataclass(kw_only=True)
+class Camera:
+    """A colour and depth camera; both pictures have the same pose and lens, without distortion."""
+
+    pose: Pose = field(default_factory=Pose)
+    """X_WC; z forward, x right and y down in the picture."""
+    width: int = 1280
+    """[px]"""
+    height: int = 720
+    """[px]"""
+    fov_y: float = 0.6
+    """[rad] angle of view from the picture's upper to its lower edge."""
+    enabled: bool = True
+    """Whether there is one."""
+
+    def validate(self, name: str) -> None:
+        """Raises InputError that names the field if a value cannot be used."""
+        self.pose.validate(f"{name}.pose")
+        for attribute in ("width", "height"):
+            if not 16 <= getattr(self, attribute) <= 8192:
+                raise InputError(f"{name}.{attribute}: must lie in [16, 8192] [px], is {getattr(self, attribute)}")
+        if not 0 < self.fov_y < pi:
+            raise InputError(f"{name}.fov_y: must lie in (0, pi) [rad], is {self.fov_y}")
+
+
+def _cameras() -> dict[str, Camera]:
+    # Straight down from 0.85 m above the middle of each table, the longer side of the picture along the table's.
+    middles = {"sorting_camera": (0.35, -0.50), "warehouse_camera": (0.35, 0.55), "assembly_camera": (0.85, 0.0)}
+    return {
+        name: Camera(pose=Pose(translation=[x, y, 0.85], rpy=[pi, 0.0, pi / 2])) for name, (x, y) in middles.items()
+    }
+
+
 def _down(x: float, y: float, z: float, *, pitch: float = 0.0) -> Pose:
     return Pose(translation=[x, y, z], rpy=[pi, pitch, 0.0])
 
@@ -104,6 +137,8 @@ class Workcell:
     """X_WO of the Allen keys on the warehouse table: fetched for joint actions 2, 3, ..., cyclically."""
     presentations: list[Presentation] = field(default_factory=_presentations)
     """For joint action 1 (the chair's side), then for 2, 3, ..., which take the rest cyclically."""
+    cameras: dict[str, Camera] = field(default_factory=_cameras)
+    """Over the tables, by name; they are there where ``perception`` is ``cameras``."""
 
     grasp_standoff: float = 0.03
     """[m] height of the gripper's TCP over the object's top where it would grasp it."""
@@ -171,6 +206,8 @@ class Workcell:
         for k, presentation in enumerate(self.presentations):
             presentation.prepared.validate(f"{name}.presentations[{k}].prepared")
             presentation.end.validate(f"{name}.presentations[{k}].end")
+        for camera_name, camera in self.cameras.items():
+            camera.validate(f"{name}.cameras.{camera_name}")
         for k, color in enumerate(self.colors):
             _require_numbers(color, 4, f"{name}.colors[{k}]")
             if not all(0 <= channel <= 1 for channel in color):
