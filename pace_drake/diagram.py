@@ -10,14 +10,17 @@ from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.systems.action_monitor import ActionMonitor
+from pace_drake.systems.component_locator import ComponentLocator
 from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
+from pace_drake.systems.locator import make_component_locator, make_true_poses
 from pace_drake.systems.observation import Observation
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.task_statechart import TaskStatechart
+from pace_drake.systems.true_poses import TruePoses
 from pace_drake.task import Episode
 
 if TYPE_CHECKING:
@@ -40,7 +43,8 @@ class Assembly(Diagram):
         mode, robot_task, joint_action, robot_action, decision_pending, finished (task_statechart);
         p_WH, human_action, human_elapsed, human_waiting (human: the truth); phase, phase_rate, remaining_time
         (phase_estimator); observation;
-        robot_idle, human_idle, cost (idle_meter); those of the station.
+        robot_idle, human_idle, cost (idle_meter); those of the station;
+        component_poses, component_ages (locator), with a plant station.
 
     Attributes:
         scenario: what it was built from.
@@ -48,6 +52,7 @@ class Assembly(Diagram):
         human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems.
         pace_monitor: the person's pace so far; None where the policy does not see it.
         action_monitor: what the robot knows of the person by observation; None where it is told.
+        locator: where the components are, by ``scenario.perception``; None without a plant station.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
         reaction_period: [s] or None; see below.
@@ -64,7 +69,8 @@ class Assembly(Diagram):
             the logic updates periodically, for any Simulator and for hardware.
 
     Raises:
-        InputError: the chart or the people of the scenario cannot be used.
+        InputError: the chart or the people of the scenario cannot be used, or the station has not the cameras that
+            its perception needs.
     """
 
     def __init__(
@@ -121,11 +127,19 @@ class Assembly(Diagram):
         if scenario.human.monitor != "told":
             detectors = self.people.end_detectors(scenario, estimators)
             self.action_monitor = add(ActionMonitor(task, detectors, period, reaction_period))
+        self.locator: ComponentLocator | TruePoses | None = None
+        looking: tuple[LeafSystem, ...] = ()
+        if station is not None and scenario.perception == "cameras":
+            self.locator = add(make_component_locator(scenario.workcell, reaction_period))
+            looking = (self.locator,)
+        elif station is not None and station.HasOutputPort("body_poses"):
+            self.locator = add(make_true_poses(scenario.workcell, station))
         self.decision: Decision | None = None
         self.station = station
         self.reaction_period = reaction_period
         self.reactive: tuple[LeafSystem, ...] = (
             self.task_statechart,
+            *looking,
             self.robot_action,
             self.human,
             *(system for system in (self.action_monitor, self.pace_monitor) if system is not None),
@@ -182,6 +196,17 @@ class Assembly(Diagram):
             connect(self.robot_action, "gripper_position", station, "gripper.position")
             connect(self.human, "p_WH", station, "p_WH")
             connect(station, "panda.position_measured", self.robot_action, "position_measured")
+            if self.locator is not None:
+                connect(self.task_statechart, "robot_action", self.locator, "robot_action")
+                for port in map(self.locator.get_input_port, range(self.locator.num_input_ports())):
+                    if port.get_name() != "robot_action":
+                        if not station.HasOutputPort(port.get_name()):
+                            raise InputError(
+                                f"perception: cameras needs a station with {port.get_name()}; make one with cameras"
+                            )
+                        builder.Connect(station.GetOutputPort(port.get_name()), port)
+                for name in ("component_poses", "component_ages"):
+                    builder.ExportOutput(self.locator.GetOutputPort(name), name)
             for k in range(station.num_output_ports()):
                 builder.ExportOutput(station.get_output_port(k), station.get_output_port(k).get_name())
         for source, names in (

@@ -1,6 +1,6 @@
 """Makes the pictures of the AprilTags, tag36h11_00.png and so on: python models/tags/make_tags.py [folder].
 
-Needs OpenCV (pip install 'pace_drake[perception]'). The pictures are part of the project, so that showing tags does not.
+Needs OpenCV (pip install 'pace_drake[perception]'). The pictures are committed, so that showing tags needs it not.
 """
 
 import sys

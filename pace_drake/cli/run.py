@@ -122,7 +122,9 @@ class _Run:
         task = self.scenario.task
         with self.console.status("planning the robot's motions"):
             motions = plan_motions(self.scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
-        station = make_plant_station(self.scenario.workcell, meshcat=meshcat)
+        station = make_plant_station(
+            self.scenario.workcell, meshcat=meshcat, cameras=self.scenario.perception == "cameras"
+        )
         return Assembly(self.scenario, policy, station=station, motions=motions, people=people), meshcat
 
     def _choose_folder(self, out: Path | None) -> Path:

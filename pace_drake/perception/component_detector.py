@@ -55,7 +55,9 @@ class ComponentDetector:
         corners, ids, _ = self._detector.detectMarkers(gray)
         if ids is None:
             return []
-        found = [(int(number), np.asarray(quad, dtype=float)[0]) for number, quad in zip(ids.ravel(), corners, strict=True)]
+        found = [
+            (int(number), np.asarray(quad, dtype=float)[0]) for number, quad in zip(ids.ravel(), corners, strict=True)
+        ]
         return sorted(found, key=lambda tag: (tag[0], *tag[1].ravel()))
 
     def detect(self, color: np.ndarray, depth: np.ndarray | None, camera: PinholeCamera) -> dict[str, UprightPose]:
