@@ -63,11 +63,13 @@ class Camera:
 
 
 def _cameras() -> dict[str, Camera]:
-    # Straight down from 0.85 m above the middle of each table, the longer side of the picture along the table's.
-    middles = {"sorting_camera": (0.35, -0.50), "warehouse_camera": (0.35, 0.55), "assembly_camera": (0.85, 0.0)}
-    return {
-        name: Camera(pose=Pose(translation=[x, y, 0.85], rpy=[pi, 0.0, pi / 2])) for name, (x, y) in middles.items()
+    # Straight down from above the middle of each table, all of which is seen, the picture's longer side along its.
+    places = {
+        "sorting_camera": [0.35, -0.50, 0.85],
+        "warehouse_camera": [0.35, 0.55, 0.85],
+        "assembly_camera": [0.85, 0.0, 0.97],
     }
+    return {name: Camera(pose=Pose(translation=p_WC, rpy=[pi, 0.0, pi / 2])) for name, p_WC in places.items()}
 
 
 def _down(x: float, y: float, z: float, *, pitch: float = 0.0) -> Pose:
