@@ -86,7 +86,7 @@ class Evaluation:
     measurements: list[Measurement]
     hidden: list[Hidden]
     views: list[View]
-    """Of the first placement, with noise, from the workcell's own height: one a camera."""
+    """Of the first placement, as rendered, from the workcell's own height: one a camera."""
     render_times: list[float]
     """[s] of wall time, of one colour and depth picture each."""
     detect_times: list[float]
@@ -169,7 +169,7 @@ def evaluate(workcell: Workcell, num_poses: int, seed: int, done: Callable[[], N
                     errors = _errors(poses.get(component), pose)
                     result.measurements.append(Measurement(number, component, name, height, pictures, *errors))
             if number == 0 and working:
-                result.views.append(View(name, noisy_color, detector.find_tags(noisy_color), found["noisy"]))
+                result.views.append(View(name, color, detector.find_tags(color), found["ideal"]))
         for name in used:
             here = {component: pose for component, pose in truth.items() if camera_of(component) == name}
             component = list(here)[int(rng.integers(len(here)))]
