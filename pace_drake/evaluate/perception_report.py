@@ -145,11 +145,11 @@ def annotate(view: View, camera: PinholeCamera) -> np.ndarray:
         ends = camera.project(pose.to_world(np.vstack([np.zeros(3), _AXIS * np.eye(3)])))
         for end, color in zip(ends[1:], ((0, 0, 255), (0, 200, 0), (255, 0, 0)), strict=True):
             cv2.line(picture, at(ends[0]), at(end), color, 2, **sub)
-        text = f"{name}  {1e3 * pose.p_WO[0]:.1f} {1e3 * pose.p_WO[1]:.1f} mm  {np.degrees(pose.yaw):.1f} deg"
-        (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
-        place = (max(int(ends[0][0]) - width - 60, 5), int(ends[0][1]) + 5)
-        for color, thickness in (((255, 255, 255), 4), ((20, 20, 20), 1)):
-            cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, thickness, cv2.LINE_AA)
+        text = f"{name} {np.degrees(pose.yaw):.1f} deg"
+        (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45, 1)
+        u, v = int(ends[0][0]) - width // 2, int(ends[0][1]) + 50
+        cv2.rectangle(picture, (u - 3, v - height - 3), (u + width + 3, v + below), (255, 255, 255), cv2.FILLED)
+        cv2.putText(picture, text, (u, v), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (20, 20, 20), 1, cv2.LINE_AA)
     return picture
 
 

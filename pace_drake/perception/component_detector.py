@@ -56,7 +56,7 @@ class ComponentDetector:
             color: (height, width, 3 or 4) uint8, red green blue.
         """
         cv2 = self._cv2
-        gray = cv2.cvtColor(np.ascontiguousarray(color[:, :, :3]), cv2.COLOR_RGB2GRAY)
+        gray = cv2.cvtColor(np.ascontiguousarray(color), cv2.COLOR_RGB2GRAY)
         corners, ids, _ = self._detector.detectMarkers(gray)
         if ids is None:
             return []

@@ -66,6 +66,16 @@ def test_components_are_found_where_the_plant_has_them(station, context):
         )
 
 
+def test_labels_have_the_size_and_place_of_the_table(station, context):
+    require_opencv()
+    camera = pinhole_camera(Workcell().cameras["sorting_camera"])
+    tags = tags_of(["cube_1", "cube_2", "cube_3", "cube_4"])
+    found = dict(ComponentDetector(tags).find_tags(pictures(station, context, "sorting_camera")[0]))
+    for cube, (tag,) in zip(Workcell().cubes, tags.values(), strict=True):
+        expected = camera.project(tag.corners() + cube.translation)
+        np.testing.assert_allclose(found[tag.id], expected, atol=1.0)
+
+
 def test_a_cube_that_moved_is_seen_where_it_is_now(station, context):
     """The cameras' own scene follows the plant."""
     require_opencv()
