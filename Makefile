@@ -32,7 +32,7 @@ install-dev: .venv/installed-dev
 
 # torch is named with its range first, so that pip takes a CPU build and not the newest CUDA one.
 .venv/installed-dev: pyproject.toml .venv/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[train,lcm,tune,data,ray,diagram,dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[train,lcm,tune,data,ray,diagram,perception,dev]"
 	touch $@
 
 clean:

@@ -16,9 +16,11 @@ from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
 from pace_drake.stations.plant import PlantStation
 from pace_drake.systems.action_monitor import ActionMonitor
+from pace_drake.systems.component_locator import ComponentLocator
 from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
+from pace_drake.systems.locator import make_component_locator
 from pace_drake.systems.observation import Observation
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
@@ -48,7 +50,8 @@ class Assembly(Diagram):
         mode, robot_task, joint_action, robot_action, decision_pending, finished (task_statechart);
         p_WH, human_action, human_elapsed, human_waiting (human: the truth); phase, phase_rate, remaining_time
         (phase_estimator); observation;
-        robot_idle, human_idle, cost (idle_meter); those of the station.
+        robot_idle, human_idle, cost (idle_meter); those of the station;
+        component_poses, component_ages (locator), with a plant station.
 
     Attributes:
         scenario: what it was built from.
@@ -56,6 +59,7 @@ class Assembly(Diagram):
         human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems.
         pace_monitor: the person's pace so far; None where the policy does not see it.
         action_monitor: what the robot knows of the person by observation; None where it is told.
+        locator: finds the components with cameras; None where ``scenario.perception`` is not ``cameras``.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
         plant_log: by the name of an output, Drake's VectorLogSink of it; empty unless ``logged``.
@@ -74,7 +78,8 @@ class Assembly(Diagram):
             the logic updates periodically, for any Simulator and for hardware.
 
     Raises:
-        InputError: the chart or the people of the scenario cannot be used.
+        InputError: the chart or the people of the scenario cannot be used, or the station has not the cameras that
+            its perception needs.
     """
 
     def __init__(
@@ -143,11 +148,15 @@ class Assembly(Diagram):
         if scenario.human.monitor != "told":
             detectors = self.people.end_detectors(scenario, estimators)
             self.action_monitor = add(ActionMonitor(task, detectors, period, reaction_period))
+        self.locator: ComponentLocator | None = None
+        if station is not None and scenario.perception == "cameras":
+            self.locator = add(make_component_locator(scenario.workcell, reaction_period))
         self.decision: Decision | None = None
         self.station = station
         self.reaction_period = reaction_period
         self.reactive: tuple[LeafSystem, ...] = (
             self.task_statechart,
+            *(() if self.locator is None else (self.locator,)),
             self.robot_action,
             self.human,
             *(system for system in (self.action_monitor, self.pace_monitor) if system is not None),
@@ -230,19 +239,36 @@ class Assembly(Diagram):
         self.set_name("assembly")
 
     def _locate_components(self, builder: DiagramBuilder, station: Diagram, scenario: Scenario) -> None:
-        """Where the components are: true where the station knows, else where they nominally lie."""
-        n = len(components(scenario.workcell))
-        ages = builder.AddNamedSystem("component_ages", ConstantVectorSource(np.zeros(n)))
-        builder.Connect(ages.get_output_port(), self.robot_action.GetInputPort("component_ages"))
+        """Where the components are: as the cameras see them, or true where the station knows, or nominal."""
+        inputs = [self.robot_action.GetInputPort(name) for name in ("component_poses", "component_ages")]
+        if self.locator is not None:
+            builder.Connect(
+                self.task_statechart.GetOutputPort("robot_action"), self.locator.GetInputPort("robot_action")
+            )
+            for k in range(self.locator.num_input_ports()):
+                port = self.locator.get_input_port(k)
+                if port.get_name() == "robot_action":
+                    continue
+                if not station.HasOutputPort(port.get_name()):
+                    raise InputError(
+                        f"perception: cameras needs a station with {port.get_name()}; make one with cameras"
+                    )
+                builder.Connect(station.GetOutputPort(port.get_name()), port)
+            for port in inputs:
+                located = self.locator.GetOutputPort(port.get_name())
+                builder.Connect(located, port)
+                builder.ExportOutput(located, f"located_{port.get_name()}")
+            return
+        found = components(scenario.workcell)
         if station.HasOutputPort("component_poses"):
-            poses = station.GetOutputPort("component_poses")
+            builder.Connect(station.GetOutputPort("component_poses"), inputs[0])
         else:
-            nominal = [component.nominal.to_rigid_transform() for component in components(scenario.workcell)]
-            values = [np.append(X_WO.rotation().ToQuaternion().wxyz(), X_WO.translation()) for X_WO in nominal]
-            poses = builder.AddNamedSystem(
-                "component_poses", ConstantVectorSource(np.concatenate(values))
-            ).get_output_port()
-        builder.Connect(poses, self.robot_action.GetInputPort("component_poses"))
+            nominal = [component.nominal.to_rigid_transform() for component in found]
+            poses = [np.append(X_WO.rotation().ToQuaternion().wxyz(), X_WO.translation()) for X_WO in nominal]
+            source = builder.AddNamedSystem("component_poses", ConstantVectorSource(np.concatenate(poses)))
+            builder.Connect(source.get_output_port(), inputs[0])
+        ages = builder.AddNamedSystem("component_ages", ConstantVectorSource(np.zeros(len(found))))
+        builder.Connect(ages.get_output_port(), inputs[1])
 
     def set_layout(self, context: Context, layout: Layout) -> None:
         """Puts the components where an episode begins; only with a plant."""

@@ -19,6 +19,7 @@ from pace_drake.task import Task
 SYNTHETIC = "synthetic"
 SPLITS = ("train", "validation", "unseen", "all")
 MONITORS = ("told", "detector", "button")
+PERCEPTIONS = ("true_poses", "cameras")
 
 
 @dataclass(kw_only=True)
@@ -99,6 +100,9 @@ class Scenario:
     learned_policy: str = ""
     """ONNX file: shipped with the project, or relative to the working directory."""
     workcell: Workcell = field(default_factory=Workcell)
+    perception: str = "true_poses"
+    """How the robot knows where components are, at the plant level: ``true_poses`` (the simulation's), or ``cameras``
+    (rendered pictures of the tags on them; docs/perception.md)."""
     lcm: LcmConfig = field(default_factory=LcmConfig)
 
     def validate(self) -> None:
@@ -154,6 +158,11 @@ class Scenario:
             0 <= self.human.unseen_variety < inf,
             "human.unseen_variety",
             f"must be >= 0, is {self.human.unseen_variety}",
+        )
+        require(
+            self.perception in PERCEPTIONS,
+            "perception",
+            f"must be one of {', '.join(PERCEPTIONS)}, is {self.perception!r}",
         )
         check_observation(self.observation)
         require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")

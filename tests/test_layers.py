@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pace_drake"
 #: Lower layers must not import higher ones.
 LAYERS = [
     ["errors", "files", "graphviz", "resources"],
-    ["dtw", "statechart", "task", "observation"],
+    ["dtw", "statechart", "task", "observation", "perception"],
     ["demos", "lcm"],
     ["stations"],
     ["scenario"],
@@ -52,9 +52,10 @@ def test_every_module_has_its_layer_and_imports_only_lower_ones():
     [
         ("pace_drake.dtw", ("pydrake", "torch", "matplotlib")),
         ("pace_drake.statechart", ("pydrake", "torch", "matplotlib", "numba")),
+        ("pace_drake.perception", ("pydrake", "torch", "matplotlib", "cv2")),
         ("pace_drake.task", ("pydrake", "torch", "matplotlib")),
         ("pace_drake.demos", ("pydrake", "torch", "matplotlib")),
-        ("pace_drake.diagram", ("torch", "matplotlib", "onnxruntime")),
+        ("pace_drake.diagram", ("torch", "matplotlib", "onnxruntime", "cv2")),
         ("pace_drake.cli.main", ("pydrake", "torch", "numba", "matplotlib")),
     ],
 )

@@ -1,10 +1,11 @@
-"""``pace evaluate``: how good the parts are: phase estimators, policies."""
+"""``pace evaluate``: how good the parts are: phase estimators, policies, perception."""
 
 import shlex
 from pathlib import Path
 
 import click
 
+from pace_drake.cli.evaluate_perception import perception
 from pace_drake.cli.evaluate_policy import policy
 from pace_drake.cli.evaluate_sensitivity import sensitivity
 from pace_drake.cli.evaluate_workcell import workcell
@@ -13,7 +14,7 @@ from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
 
 
-@click.group("evaluate", short_help="Compare phase estimators, or policies.")
+@click.group("evaluate", short_help="Compare phase estimators, or policies; measure perception.")
 def command() -> None:
     """Measure how good the parts are."""
 
@@ -61,6 +62,7 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
         console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)
 
 
+command.add_command(perception)
 command.add_command(policy)
 command.add_command(sensitivity)
 command.add_command(workcell)

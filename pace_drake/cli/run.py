@@ -132,7 +132,9 @@ class _Run:
         task = self.scenario.task
         with self.console.status("planning the robot's motions"):
             motions = plan_motions(self.scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
-        station = make_plant_station(self.scenario.workcell, meshcat=meshcat)
+        station = make_plant_station(
+            self.scenario.workcell, meshcat=meshcat, cameras=self.scenario.perception == "cameras"
+        )
         assembly = Assembly(self.scenario, policy, station=station, motions=motions, people=people, logged=True)
         return assembly, meshcat
 

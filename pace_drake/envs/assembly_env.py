@@ -193,4 +193,8 @@ def _assembly(scenario: Scenario, level: str) -> Assembly:
     from pace_drake.stations.plant import make_plant_station
 
     motions = plan_motions(scenario.workcell, scenario.task.num_robot_tasks, scenario.task.num_joint_actions)
-    return Assembly(scenario, station=make_plant_station(scenario.workcell), motions=motions)
+    return Assembly(
+        scenario,
+        station=make_plant_station(scenario.workcell, cameras=scenario.perception == "cameras"),
+        motions=motions,
+    )

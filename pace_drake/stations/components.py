@@ -48,6 +48,11 @@ class Component:
     """[m, m, rad] largest differences of x, y and yaw from the nominal pose."""
 
     @property
+    def camera(self) -> str:
+        """Name of the camera over the table on which it lies."""
+        return "sorting_camera" if self.model == "cube" else "warehouse_camera"
+
+    @property
     def grasp(self) -> Grasp:
         """How it is gripped."""
         return GRASPS[self.model]

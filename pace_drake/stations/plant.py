@@ -21,12 +21,14 @@ from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInter
 
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
+from pace_drake.stations.camera import add_cameras
 from pace_drake.stations.components import components
 from pace_drake.stations.contact_monitor import ContactMonitor
 from pace_drake.stations.human_grip import HumanGrip
 from pace_drake.stations.layout import Layout, nominal_layout
 from pace_drake.stations.person import Person
 from pace_drake.stations.robot_looks import wear_drake_models
+from pace_drake.stations.tags import add_tags
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import NUM_ROBOT_DRAWS
 
@@ -79,6 +81,7 @@ def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Wor
         else:
             keys.Add(geometries)
     scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeBetween(keys, chair))
+    add_tags(plant, [component.name for component in components(workcell)])
 
 
 def _add_model(plant: MultibodyPlant, parser: Parser, model: str, name: str) -> RigidBody:
@@ -124,6 +127,7 @@ class PlantStation(Diagram):
         contact (2): see ``ContactMonitor``.
         contact_results: Drake's ContactResults.
         query_object: Drake's QueryObject of the SceneGraph.
+        sorting_camera.color_image, sorting_camera.depth_image, ...: only with cameras; see ``add_cameras``.
 
     State: that of the discrete MultibodyPlant (time step ``workcell.time_step``), which starts at rest with the
     gripper open, two samples of the desired position, and which keys the person has.
@@ -136,7 +140,7 @@ class PlantStation(Diagram):
         components: what the robot can fetch.
     """
 
-    def __init__(self, workcell: Workcell, meshcat: Meshcat | None, position: np.ndarray) -> None:
+    def __init__(self, workcell: Workcell, meshcat: Meshcat | None, position: np.ndarray, cameras: bool) -> None:
         super().__init__()
         self.workcell = workcell
         self.components = components(workcell)
@@ -170,7 +174,13 @@ class PlantStation(Diagram):
         ]
         self._add_control(builder)
         self._add_outputs(builder)
-        self._add_person(builder)
+        person = self._add_person(builder)
+        if cameras:
+            sources = {
+                plant.get_source_id(): plant.get_geometry_pose_output_port(),
+                person.source_id: person.get_output_port(),
+            }
+            add_cameras(builder, scene_graph, sources, workcell.cameras)
         self._pile = builder.AddNamedSystem("pile", _Pile(nominal_layout(workcell)))
         if meshcat is not None:
             # As fast as a replay is recorded: every picture costs as much as a step of the plant.
@@ -264,7 +274,7 @@ class PlantStation(Diagram):
         builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
         builder.ExportOutput(self.scene_graph.get_query_output_port(), "query_object")
 
-    def _add_person(self, builder: DiagramBuilder) -> None:
+    def _add_person(self, builder: DiagramBuilder) -> Person:
         person = builder.AddNamedSystem("person", Person(self.scene_graph))
         builder.ExportInput(person.GetInputPort("p_WH"), "p_WH")
         builder.Connect(person.get_output_port(), self.scene_graph.get_source_pose_port(person.source_id))
@@ -279,6 +289,7 @@ class PlantStation(Diagram):
             builder.Connect(self.plant.GetOutputPort(f"{component.name}_state"), grip.GetInputPort(f"key_{k + 1}"))
         builder.Connect(grip.GetOutputPort("applied_spatial_force"), self.plant.get_applied_spatial_force_input_port())
         builder.ExportOutput(grip.GetOutputPort("key_taken"), "key_taken")
+        return person
 
 
 class _Pile(LeafSystem):
@@ -290,7 +301,11 @@ class _Pile(LeafSystem):
 
 
 def make_plant_station(
-    workcell: Workcell, *, meshcat: Meshcat | None = None, initial_position: np.ndarray | None = None
+    workcell: Workcell,
+    *,
+    meshcat: Meshcat | None = None,
+    initial_position: np.ndarray | None = None,
+    cameras: bool = False,
 ) -> PlantStation:
     """Makes the station of the plant level.
 
@@ -298,12 +313,13 @@ def make_plant_station(
         workcell: what stands where, gains, time step.
         meshcat: shows the station if given.
         initial_position: (7) [rad] where the arm starts; ``workcell.home`` by default.
+        cameras: whether there are cameras over the tables.
 
     Raises:
-        InputError: the workcell or the initial position cannot be used.
+        InputError: the workcell or the initial position cannot be used, or this machine cannot render for cameras.
     """
     workcell.validate()
     position = np.asarray(workcell.home if initial_position is None else initial_position, dtype=float)
     if position.shape != (NUM_ARM_JOINTS,) or not np.all(np.isfinite(position)):
         raise InputError(f"initial_position: must be {NUM_ARM_JOINTS} finite numbers [rad], is {position.tolist()}")
-    return PlantStation(workcell, meshcat, position)
+    return PlantStation(workcell, meshcat, position, cameras)

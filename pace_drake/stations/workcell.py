@@ -48,6 +48,41 @@ class Presentation:
         _require_numbers(self.hand, 3, f"{name}.hand")
 
 
+@dataclass(kw_only=True)
+class Camera:
+    """A colour and depth camera; both pictures have the same pose and lens, without distortion."""
+
+    pose: Pose = field(default_factory=Pose)
+    """X_WC; z forward, x right and y down in the picture."""
+    width: int = 1280
+    """[px]"""
+    height: int = 720
+    """[px]"""
+    fov_y: float = 0.6
+    """[rad] angle of view from the picture's upper to its lower edge."""
+    enabled: bool = True
+    """Whether there is one."""
+
+    def validate(self, name: str) -> None:
+        """Raises InputError that names the field if a value cannot be used."""
+        self.pose.validate(f"{name}.pose")
+        for attribute in ("width", "height"):
+            if not 16 <= getattr(self, attribute) <= 8192:
+                raise InputError(f"{name}.{attribute}: must lie in [16, 8192] [px], is {getattr(self, attribute)}")
+        if not 0 < self.fov_y < pi:
+            raise InputError(f"{name}.fov_y: must lie in (0, pi) [rad], is {self.fov_y}")
+
+
+def _cameras() -> dict[str, Camera]:
+    # Straight down from above the middle of each table, all of which is seen, the picture's longer side along its.
+    places = {
+        "sorting_camera": [0.35, -0.50, 0.85],
+        "warehouse_camera": [0.35, 0.55, 0.85],
+        "assembly_camera": [0.85, 0.0, 0.97],
+    }
+    return {name: Camera(pose=Pose(translation=p_WC, rpy=[pi, 0.0, pi / 2])) for name, p_WC in places.items()}
+
+
 def _presentations() -> list[Presentation]:
     # The gripper tilted towards the person; then held out a little further, the key's short end up to the person.
     return [
@@ -125,6 +160,8 @@ class Workcell:
     """[m, m, rad] as ``cube_spread``."""
     presentations: list[Presentation] = field(default_factory=_presentations)
     """For joint actions 2, 3, ..., which take them cyclically."""
+    cameras: dict[str, Camera] = field(default_factory=_cameras)
+    """Over the tables, by name; they are there where ``perception`` is ``cameras``."""
 
     approach_height: float = 0.10
     """[m] length of the straight way down to a grasp and up from it."""
@@ -214,6 +251,8 @@ class Workcell:
                 raise InputError(f"{name}.{attribute}: must be >= 0, is {getattr(self, attribute)}")
         for k, presentation in enumerate(self.presentations):
             presentation.validate(f"{name}.presentations[{k}]")
+        for camera_name, camera in self.cameras.items():
+            camera.validate(f"{name}.cameras.{camera_name}")
         for k, color in enumerate(self.colors):
             _require_numbers(color, 4, f"{name}.colors[{k}]")
             if not all(0 <= channel <= 1 for channel in color):
