@@ -54,11 +54,8 @@ def test_components_are_found_where_the_plant_has_them(station, context):
     for name, camera in workcell.cameras.items():
         found |= detector.detect(*pictures(station, context, name), pinhole_camera(camera))
     assert set(found) == set(names)
-    plant = station.GetSubsystemByName("plant")
-    poses = station.GetOutputPort("body_poses").Eval(context)
-    for name in names:
-        (index,) = plant.GetBodyIndices(plant.GetModelInstanceByName(name))
-        X_WO = poses[int(index)]
+    for k, name in enumerate(names):
+        X_WO = station.component_pose(context, k)
         np.testing.assert_allclose(found[name].p_WO, X_WO.translation(), atol=1e-3)
         expected = X_WO.rotation().matrix() @ [1.0, 0.0, 0.0]
         np.testing.assert_allclose(

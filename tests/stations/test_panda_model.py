@@ -29,6 +29,17 @@ EFFORT = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]
 REFLECTED_INERTIA = [0.605721456] * 2 + [0.462474144] * 2 + [0.205544064] * 3
 # Gaz et al. 2019: links 0..7; hand 0.73 kg, fingers 15 g each.
 MASSES = [0.629769, 4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522, 0.73, 0.015, 0.015]
+# Gaz et al. 2019, as listed by franka_description: centres of mass of links 0..7 in their own frames [m].
+LINK_CENTRES = [
+    (-0.041018, -0.00014, 0.049974),
+    (0.003875, 0.002081, -0.04762),
+    (-0.003141, -0.02872, 0.003495),
+    (0.027518, 0.039252, -0.066502),
+    (-0.05317, 0.104419, 0.027454),
+    (-0.011953, 0.041065, -0.038437),
+    (0.060149, -0.014117, -0.010517),
+    (0.010517, -0.004252, 0.061597),
+]
 
 
 def dh_transform(a: float, d: float, alpha: float, theta: float) -> np.ndarray:
@@ -124,6 +135,24 @@ def test_one_actuator_a_joint_and_one_for_both_fingers(model):
     assert plant.num_constraints() == 1  # the mimic of the second finger
 
 
+def test_centre_of_mass_is_where_the_published_masses_put_it(model):
+    """The links' published centres of mass, carried through the published table by hand."""
+    _, plant, _, context = model
+    q = np.array([0.3, -0.6, 0.2, -1.9, -0.4, 1.5, 0.7])
+    plant.SetPositions(context, np.concatenate([q, [0.02, 0.02]]))
+    X, moment = np.eye(4), MASSES[0] * np.array(LINK_CENTRES[0])
+    for (a, d, alpha), theta, mass, centre in zip(MODIFIED_DH, q, MASSES[1:8], LINK_CENTRES[1:], strict=False):
+        X = X @ dh_transform(a, d, alpha, theta)
+        moment += mass * (X @ [*centre, 1.0])[:3]
+    hand = flange_pose(q)
+    hand[:3, :3] = hand[:3, :3] @ (np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, np.sqrt(2)]]) / np.sqrt(2))
+    moment += 0.73 * (hand @ [-0.01, 0.0, 0.03, 1.0])[:3]
+    for y in (0.02, -0.02):
+        moment += 0.015 * (hand @ [0.0, y, 0.0584, 1.0])[:3]
+    expected = moment / sum(MASSES)
+    np.testing.assert_allclose(plant.CalcCenterOfMassPositionInWorld(context), expected, atol=1e-6)
+
+
 def test_ready_position_touches_nothing_and_a_folded_one_does(model):
     _, plant, _, context = model
     query_port = plant.get_geometry_query_input_port()
@@ -147,5 +176,5 @@ def test_collision_geometry_is_capsules_and_finger_boxes(model):
         shapes = [type(inspector.GetShape(g)).__name__ for g in plant.GetCollisionGeometriesForBody(body)]
         kinds[body.name()] = set(shapes)
     assert all(kinds[f"panda_link{k}"] == {"Capsule"} for k in range(8))
-    assert kinds["panda_leftfinger"] == kinds["panda_rightfinger"] == {"Box"}
+    assert kinds["panda_leftfinger"] == kinds["panda_rightfinger"] == {"Box", "Sphere"}
     assert inspector.NumGeometriesWithRole(Role.kIllustration) > 60

@@ -49,12 +49,15 @@ def test_ports(station):
     }
     assert station.get_name() == "station"
     assert inputs == {"panda.position": 7, "gripper.position": 1, "p_WH": 3}
-    assert outputs.pop("query_object") == outputs.pop("body_poses") == 0  # abstract
+    assert outputs.pop("query_object") == outputs.pop("contact_results") == 0  # abstract
     assert outputs == {
         "panda.position_measured": 7,
         "panda.velocity_estimated": 7,
         "panda.torque_external": 7,
         "gripper.state_measured": 2,
+        "component_poses": 7 * 7,
+        "contact": 2,
+        "key_taken": 2,
     }
 
 
@@ -87,7 +90,8 @@ def test_the_arm_follows_a_sort_within_a_hundredth_of_a_radian(station, simulato
         q = station.GetOutputPort("panda.position_measured").Eval(context)
         state = station.GetOutputPort("gripper.state_measured").Eval(context)
         position_error = max(position_error, np.max(np.abs(q - position)))
-        width_error = max(width_error, abs(state[0] - width))
+        if width > 0.041:  # else the cube is between the fingers
+            width_error = max(width_error, abs(state[0] - width))
         v = station.GetOutputPort("panda.velocity_estimated").Eval(context)
         velocity_peak = max(velocity_peak, np.max(np.abs(v)))
         station.GetInputPort("panda.position").FixValue(context, position)
@@ -97,7 +101,7 @@ def test_the_arm_follows_a_sort_within_a_hundredth_of_a_radian(station, simulato
     assert width_error < 0.002
     assert velocity_peak > 1.0  # it did move
     q = station.GetOutputPort("panda.position_measured").Eval(context)
-    np.testing.assert_allclose(q, library.home, atol=0.003)
+    np.testing.assert_allclose(q, library.home, atol=0.005)
 
 
 def test_cubes_rest(station, simulator):

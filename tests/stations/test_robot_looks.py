@@ -12,7 +12,7 @@ from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
 from pace_drake.stations import plant as plant_module
 from pace_drake.stations import robot_looks
-from pace_drake.stations.plant import add_workcell, make_plant_station
+from pace_drake.stations.plant import add_furniture, make_plant_station
 from pace_drake.stations.workcell import Workcell
 
 TRIANGLE = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n"
@@ -41,7 +41,7 @@ def dressed(folder, workcell=None):
     """Plant and scene graph of the workcell, with the Panda in the meshes of a package."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.005), builder)
-    add_workcell(plant, scene_graph, workcell or Workcell(), free_cubes=False)
+    add_furniture(plant, scene_graph, workcell or Workcell())
     robot_looks.wear_drake_models(plant, scene_graph, plant.GetModelInstanceByName("panda"), folder)
     plant.Finalize()
     return builder, plant, scene_graph
@@ -64,7 +64,7 @@ def test_only_looks_change(stand_in):
             assert [type(shape) for shape in worn] == [Mesh], link
     bare_builder = DiagramBuilder()
     bare, bare_graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.005), bare_builder)
-    add_workcell(bare, bare_graph, Workcell(), free_cubes=False)
+    add_furniture(bare, bare_graph, Workcell())
     bare.Finalize()
     touched = {name: [str(shape) for shape in of] for name, of in shapes(plant, scene_graph, Role.kProximity).items()}
     assert touched == {name: [str(s) for s in of] for name, of in shapes(bare, bare_graph, Role.kProximity).items()}
