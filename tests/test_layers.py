@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pace_drake"
 #: Lower layers must not import higher ones.
 LAYERS = [
     ["errors", "files", "resources"],
-    ["dtw", "statechart", "task", "observation"],
+    ["dtw", "statechart", "task", "observation", "safety"],
     ["demos", "lcm"],
     ["stations"],
     ["scenario"],
@@ -50,6 +50,8 @@ def test_every_module_has_its_layer_and_imports_only_lower_ones():
 @pytest.mark.parametrize(
     ("module", "absent"),
     [
+        ("pace_drake.safety.separation", ("pydrake", "torch", "matplotlib")),
+        ("pace_drake.safety.proximity", ("pydrake", "torch", "matplotlib")),
         ("pace_drake.dtw", ("pydrake", "torch", "matplotlib")),
         ("pace_drake.statechart", ("pydrake", "torch", "matplotlib", "numba")),
         ("pace_drake.task", ("pydrake", "torch", "matplotlib")),

@@ -89,6 +89,13 @@ class MotionLibrary:
         motion = self._motions[kind, index]
         return motion.trajectory.value(min(max(fraction, 0.0), 1.0) * motion.duration)[:, 0]
 
+    def velocity(self, kind: ActionKind, index: int, fraction: float) -> np.ndarray:
+        """Returns the (7) joint velocities [rad/s] at a fraction of the motion at full speed; zero outside [0, 1]."""
+        motion = self._motions[kind, index]
+        if not 0.0 <= fraction <= 1.0:
+            return np.zeros(NUM_ARM_JOINTS)
+        return motion.trajectory.EvalDerivative(fraction * motion.duration, 1)[:, 0]
+
     def gripper_width(self, kind: ActionKind, index: int, fraction: float) -> float:
         """Returns the desired width [m] between the fingers at a fraction of the motion, clamped to [0, 1]."""
         motion = self._motions[kind, index]
