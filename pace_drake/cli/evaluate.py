@@ -1,4 +1,4 @@
-"""``pace evaluate``: how good the parts are: phase estimators, policies."""
+"""``pace evaluate``: how good the parts are: phase estimators, policies, the distance kept from hands."""
 
 import shlex
 from pathlib import Path
@@ -6,13 +6,14 @@ from pathlib import Path
 import click
 
 from pace_drake.cli.evaluate_policy import policy
+from pace_drake.cli.evaluate_safety import safety
 from pace_drake.cli.evaluate_sensitivity import sensitivity
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
 
 
-@click.group("evaluate", short_help="Compare phase estimators, or policies.")
+@click.group("evaluate", short_help="Compare phase estimators, or policies; check safety.")
 def command() -> None:
     """Measure how good the parts are."""
 
@@ -61,4 +62,5 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
 
 
 command.add_command(policy)
+command.add_command(safety)
 command.add_command(sensitivity)

@@ -10,7 +10,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 #: [m/s] a part that closes in more slowly counts as at rest.
-REST_SPEED = 1e-3
+REST_SPEED = 5e-4
 #: Bisections of the rate: it comes in steps of 1/128.
 _BISECTIONS = 7
 

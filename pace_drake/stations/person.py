@@ -1,6 +1,9 @@
 """The person of the plant level: a figure whose right hand is where the hand source says."""
 
+from math import cos, hypot, sin, sqrt
+
 import numpy as np
+from numba import njit
 from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import (
     Capsule,
@@ -36,7 +39,8 @@ FOREARM_START = 0.05  # [m] of the forearm's capsule from the middle of the hand
 LIMB_RADII = np.array([HAND_RADIUS, FOREARM_RADIUS])
 
 
-def arm_posture(p_WH: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@njit(cache=True, nogil=True)
+def arm_posture(p_WH):
     """Posture for a hand's position p_WH (3) [m], in closed form and continuous in it.
 
     Returns:
@@ -46,10 +50,11 @@ def arm_posture(p_WH: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     # Lean about the horizontal axis square to the direction of the hand.
     to_hand = p_WH - P_WHIP - P_TRUNK_SHOULDER
-    horizontal = float(np.hypot(to_hand[0], to_hand[1]))
-    lean = np.clip((np.linalg.norm(to_hand) - reach) / P_TRUNK_SHOULDER[2], 0.0, MAX_LEAN)
-    s, c = np.sin(lean), np.cos(lean)
-    ux, uy = to_hand[:2] / max(horizontal, 1e-9)
+    horizontal = hypot(to_hand[0], to_hand[1])
+    distance = sqrt(horizontal**2 + to_hand[2] ** 2)
+    lean = min(max((distance - reach) / P_TRUNK_SHOULDER[2], 0.0), MAX_LEAN)
+    s, c = sin(lean), cos(lean)
+    ux, uy = to_hand[0] / max(horizontal, 1e-9), to_hand[1] / max(horizontal, 1e-9)
     # Rodrigues' formula about (-uy, ux, 0).
     R_WT = np.array(
         [
@@ -58,27 +63,31 @@ def arm_posture(p_WH: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             [-s * ux, -s * uy, c],
         ]
     )
-    p_WS = P_WHIP + R_WT @ P_TRUNK_SHOULDER
+    p_WS = P_WHIP + np.sum(R_WT * P_TRUNK_SHOULDER, axis=1)
 
     # Elbow: intersection of two spheres, on the side that is down and outwards.
     p_SH = p_WH - p_WS
-    distance = max(float(np.linalg.norm(p_SH)), 1e-6)
+    distance = max(sqrt(np.sum(p_SH**2)), 1e-6)
     n = p_SH / distance
     along = (UPPER_ARM**2 - FOREARM**2 + distance**2) / (2 * distance)
     along = min(max(along, 0.0), UPPER_ARM)
     outwards = np.array([0.0, 0.6, -1.0])
-    outwards -= (outwards @ n) * n
-    outwards /= max(float(np.linalg.norm(outwards)), 1e-6)
-    p_WE = p_WS + along * n + np.sqrt(UPPER_ARM**2 - along**2) * outwards
+    outwards -= np.sum(outwards * n) * n
+    outwards /= max(sqrt(np.sum(outwards**2)), 1e-6)
+    p_WE = p_WS + along * n + sqrt(UPPER_ARM**2 - along**2) * outwards
     return R_WT, p_WS, p_WE
 
 
-def limb_segments(p_WH: np.ndarray) -> np.ndarray:
+@njit(cache=True, nogil=True)
+def limb_segments(p_WH):
     """(2, 2, 3) [m] ends of the axes of hand (a sphere) and forearm in world, for a hand's position p_WH (3) [m]."""
     _, _, p_WE = arm_posture(p_WH)
     to_elbow = p_WE - p_WH
-    n = to_elbow / max(float(np.linalg.norm(to_elbow)), 1e-6)
-    return np.array([[p_WH, p_WH], [p_WH + FOREARM_START * n, p_WH + FOREARM * n]])
+    n = to_elbow / max(sqrt(np.sum(to_elbow**2)), 1e-6)
+    segments = np.empty((2, 2, 3))
+    segments[0, 0], segments[0, 1] = p_WH, p_WH
+    segments[1, 0], segments[1, 1] = p_WH + FOREARM_START * n, p_WH + FOREARM * n
+    return segments
 
 
 class Person(LeafSystem):

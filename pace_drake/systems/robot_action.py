@@ -124,6 +124,7 @@ class RobotAction(LeafSystem):
         if pacing is not None:
             assert motions is not None, "only planned motions have a pace"
             self._scale = declare_input(self, "speed_scale")
+            self._ahead = np.linspace(0.0, pacing.look_ahead, NUM_POSTURES)
             declare_output(self, "path_rate", self._path_rate, now)
             declare_output(self, "path_position", self._path_position, now, size=7 * NUM_POSTURES)
             declare_output(self, "path_velocity", self._path_velocity, now, size=7 * NUM_POSTURES)
@@ -244,9 +245,7 @@ class RobotAction(LeafSystem):
     def _path_ahead(self, context: Context) -> np.ndarray:
         """Fractions of the motion, now and ahead."""
         state = self._state(context)
-        assert self._pacing is not None
-        ahead = np.linspace(0.0, self._pacing.look_ahead, NUM_POSTURES)
-        return (self._path_time(state, context.get_time())[0] + ahead) / state[_DURATION]
+        return (self._path_time(state, context.get_time())[0] + self._ahead) / state[_DURATION]
 
     def _path_position(self, context: Context) -> np.ndarray:
         assert self._motions is not None
