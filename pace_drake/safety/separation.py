@@ -130,10 +130,10 @@ def allowed_rate(
 
     A part may go on at rate r if its distance is the protective one at least, for the greatest closing speed along
     the path ahead, the hand going anywhere meanwhile; or if it does not close in on the hand faster than allowed
-    inside the protective distance.
+    inside the protective distance. Where any figure is no number, the rate is 0.
 
     Args:
-        distance: (I, J) [m] between robot parts and limbs now; NaN allows nothing.
+        distance: (I, J) [m] between robot parts and limbs now.
         length: (K, I, J) [m] between their axes, at K postures along the path ahead.
         speed: (K, I, J, E) [m/s] of points of the parts at path rate 1.
         towards: (K, I, J, E) [m/s] their speeds towards the limb.
@@ -144,6 +144,14 @@ def allowed_rate(
         stop_distance: [m] short of a hand that keeps still, or
         joint: if contact is intended.
     """
+    # Comparisons with what is no number would let it pass.
+    if not (
+        np.all(np.isfinite(distance))
+        and np.all(np.isfinite(length))
+        and np.all(np.isfinite(speed))
+        and np.all(np.isfinite(towards))
+    ):
+        return 0.0
     if _is_allowed(
         1.0, distance, length, speed, towards, human_speed, reaction_time, period, stop_time, margin, contact,
         stop_distance, joint,
