@@ -219,7 +219,8 @@ def _gaps(ends, limbs):
                         high = second
                     else:
                         low = first
-                found[k, i, j] = _gap(a, b, (low + high) / 2, c, d)
+                at_ends = min(_gap(a, b, 0.0, c, d), _gap(a, b, 1.0, c, d))
+                found[k, i, j] = min(_gap(a, b, (low + high) / 2, c, d), at_ends)
     return found
 
 
@@ -247,7 +248,7 @@ def hand_motion(
         rng: for what is left open.
     """
     num = round(duration / CHECK_STEP)
-    way = np.linspace(0.0, 1.0, 201)
+    way = np.linspace(0.0, 1.0, 2001)
     smooth = way**3 * (10 - 15 * way + 6 * way**2)  # minimum jerk
     there = start + smooth[:, np.newaxis] * (target - start)
     if kind == "sudden start":
@@ -265,14 +266,13 @@ def hand_motion(
         path = np.concatenate([there, there[::-1]])
     else:
         path = there
-    # As fast as asked for, or slower where hand or forearm would be faster than that anywhere.
+    # As fast as asked for, and slower where the forearm would be faster than that.
     limbs = np.array([limb_segments(p) for p in path])
-    ends = np.stack([limbs[:, 0, 0], limbs[:, 1, 1]], axis=1)
-    steps = np.linalg.norm(np.diff(ends, axis=0), axis=2).max(axis=1)
-    if kind in ("sudden start", "sweep"):
-        times = np.concatenate([[0.0], np.cumsum(steps)]) / speed  # always at full speed
-    else:
-        times = np.arange(len(path)) * steps.max() / speed
+    steps = np.linalg.norm(np.diff(limbs, axis=0), axis=3)
+    least = np.max(steps, axis=(1, 2)) / speed
+    if kind not in ("sudden start", "sweep"):
+        least = np.maximum(least, steps[:, 0, 0].max() / speed)
+    times = np.concatenate([[0.0], np.cumsum(least)])
     t = np.arange(num) * CHECK_STEP - SETTLING
     return np.stack([np.interp(t, times, path[:, x]) for x in range(3)], axis=1)
 

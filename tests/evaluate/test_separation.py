@@ -64,7 +64,7 @@ def test_hands_are_never_faster_than_the_formulas_assume():
             limbs = np.array([limb_segments(p) for p in hand])
             speed = np.linalg.norm(np.diff(limbs, axis=0), axis=3).max() / CHECK_STEP
             assert speed <= 1.6 * 1.02
-            assert speed > 0.8
+            assert speed > 0.5
             assert np.array_equal(hand[0], hand[round(SETTLING / CHECK_STEP) - 1])
 
 
@@ -83,18 +83,12 @@ def test_strictly_monitored_the_robot_never_closes_in_faster_than_allowed(strict
     assert max(result.closing_speeds) > 0.05
 
 
-def test_the_check_sees_a_robot_that_is_not_monitored(strict, chair):
-    """The monitor believes that hands stand still: the check finds that it is too fast."""
-    blind = SeparationBench(
-        replace(chair, safety=replace(chair.safety, contact_speed=0.0, human_speed=0.0, margin=0.0)), strict.motions
-    )
-    blind_config, strict_config = blind.config, strict.config
-    found = 0
-    for number in range(15):
-        trial = run_trial(blind, number, 1)
-        found += int(longer_than(below_protective(trial, strict_config), 50).sum())
-    assert blind_config.human_speed == 0
-    assert found > 100
+def test_the_check_sees_a_robot_that_nothing_slows(strict, chair):
+    """Contacts of any speed allowed: the check by the strict settings finds that the robot is too fast."""
+    careless = replace(chair.safety, contact_speed=100.0, stop_distance=0.0, reaction_time=0.3)
+    bench = SeparationBench(replace(chair, safety=careless), strict.motions)
+    trials = [run_trial(bench, number, 1) for number in range(15)]
+    assert sum(int(longer_than(below_protective(trial, strict.config), 50).sum()) for trial in trials) > 100
 
 
 def test_the_same_seed_gives_the_same_figures(bench):
