@@ -19,9 +19,9 @@ class SafetyConfig:
     period to it."""
     margin: float = 0.11
     """[m] C + Z_d + Z_r: how far a hand intrudes before it is seen, and the uncertainties of both positions."""
-    contact_speed: float = 0.6
+    contact_speed: float = 0.65
     """[m/s] at which the robot may close in on a hand inside the protective distance (power and force limiting); 0:
-    it may not (strict monitoring). 0.6 pushes a hand with 123 N, of 140 N quasi-static and 280 N transient that it
+    it may not (strict monitoring). 0.65 pushes a hand with 133 N, of 140 N quasi-static and 280 N transient that it
     bears (docs/safety.md)."""
     stop_distance: float = 0.05
     """[m] short of a hand that keeps still the robot stops, but in joint actions, where contact is intended."""

@@ -87,8 +87,10 @@ def _is_allowed(
 ):
     """Whether all pairs may go on at ``rate``."""
     num_postures, num_parts, num_limbs, num_points = speed.shape
-    # So far a hand goes at most while the robot comes to rest, and in the reaction time.
-    hand_way, reaction_way = human_speed * (period + rate * stop_time), human_speed * reaction_time
+    # So far a hand goes at most while the robot comes to rest, and until it is as slow as to rest within the reaction
+    # time.
+    hand_way = human_speed * (period + rate * stop_time)
+    short_way = human_speed * (period + max(rate * stop_time - (reaction_time - period), 0.0))
     for i in range(num_parts):
         for j in range(num_limbs):
             soon = directed = turned = 0.0
@@ -98,7 +100,7 @@ def _is_allowed(
                     size, along = speed[k, i, j, e], towards[k, i, j, e]
                     directed = max(directed, along)
                     turned = max(turned, turned_speed(size, along, hand_way / gap))
-                    soon = max(soon, turned_speed(size, along, reaction_way / gap))
+                    soon = max(soon, turned_speed(size, along, short_way / gap))
             if rate * turned <= REST_SPEED:
                 continue
             d = distance[i, j]
@@ -113,9 +115,11 @@ def _is_allowed(
                 )
                 if joint or d >= still:
                     floor = max(floor, contact)
-            # Passing by and moving away, too: a hand that comes round to the front meets no more than that, or a robot
-            # that is at rest within the reaction time.
-            if rate * directed <= floor and (rate * stop_time <= reaction_time - period or rate * soon <= contact):
+            # Passing by and moving away, too: should the hand come round to the front, the robot closes in no faster
+            # than that, or is as slow by then as to rest within the reaction time.
+            if rate * directed <= floor and (
+                rate * stop_time <= reaction_time - period or rate * soon <= max(contact, REST_SPEED)
+            ):
                 continue
             return False
     return True
