@@ -1,5 +1,6 @@
 """The only wiring: human, estimator, policy, statechart, robot action, idle meter and a station, as one Diagram."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from pace_drake.people import People, load_people
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
+from pace_drake.stations.arm_capsules import load_arm_capsules
 from pace_drake.stations.components import components
 from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
@@ -24,7 +26,8 @@ from pace_drake.systems.locator import make_component_locator
 from pace_drake.systems.observation import Observation
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
-from pace_drake.systems.robot_action import Motions, RobotAction
+from pace_drake.systems.robot_action import STOP_TIME, Motions, Pacing, RobotAction
+from pace_drake.systems.safety_monitor import SafetyMonitor
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
 
@@ -45,13 +48,14 @@ class Assembly(Diagram):
         start, stop, fault, ack (1 each): the operator's; they may stay unconnected.
         button (1): how often the person has said "done"; only where an action monitor stands in for the truth; it may
             stay unconnected.
+        hand_age (1) [s]: how old p_WH is; only with a safety monitor; it may stay unconnected.
 
     Exported outputs:
         mode, robot_task, joint_action, robot_action, decision_pending, finished (task_statechart);
         p_WH, human_action, human_elapsed, human_waiting (human: the truth); phase, phase_rate, remaining_time
         (phase_estimator); observation;
-        robot_idle, human_idle, cost (idle_meter); those of the station;
-        component_poses, component_ages (locator), with a plant station.
+        robot_idle, human_idle, cost (idle_meter); those of the station; with cameras located_component_poses and
+        located_component_ages (locator); with a safety monitor hand_distance, speed_scale, safety_stop (its ``stop``).
 
     Attributes:
         scenario: what it was built from.
@@ -60,6 +64,7 @@ class Assembly(Diagram):
         pace_monitor: the person's pace so far; None where the policy does not see it.
         action_monitor: what the robot knows of the person by observation; None where it is told.
         locator: finds the components with cameras; None where ``scenario.perception`` is not ``cameras``.
+        safety_monitor: keeps the arm away from the hand; None without a station, or where the scenario switches it off.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
         plant_log: by the name of an output, Drake's VectorLogSink of it; empty unless ``logged``.
@@ -139,9 +144,16 @@ class Assembly(Diagram):
                 reaction_period,
             )
         )
+        self.safety_monitor: SafetyMonitor | None = None
+        pacing = None
+        if station is not None and scenario.safety.enabled:
+            self.safety_monitor = add(SafetyMonitor(scenario.safety, load_arm_capsules()))
+            # As far as the path goes while nothing is noticed yet, and then while it comes to rest.
+            look_ahead = scenario.safety.reaction_time + scenario.safety.period + STOP_TIME / 2
+            pacing = Pacing(period=scenario.safety.period, look_ahead=look_ahead)
         num_components = len(components(scenario.workcell))
         self.robot_action: RobotAction = add(
-            RobotAction(task, motions, num_components, reaction_period=reaction_period)
+            RobotAction(task, motions, num_components, pacing=pacing, reaction_period=reaction_period)
         )
         self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
         self.action_monitor: ActionMonitor | None = None
@@ -205,8 +217,10 @@ class Assembly(Diagram):
         else:
             builder.ExportInput(self.task_statechart.GetInputPort("assist"), "assist")
         for name in OPERATOR_INPUTS:
-            if self.task_statechart.HasInputPort(name):
+            if self.task_statechart.HasInputPort(name) and not (name == "stop" and self.safety_monitor is not None):
                 builder.ExportInput(self.task_statechart.GetInputPort(name), name)
+        if self.safety_monitor is not None:
+            self._add_safety(builder, self.safety_monitor, connect)
         if station is not None:
             builder.AddSystem(station)
             connect(self.robot_action, "position", station, "panda.position")
@@ -215,6 +229,8 @@ class Assembly(Diagram):
             connect(self.human, "p_WH", self.robot_action, "p_WH")
             connect(station, "panda.position_measured", self.robot_action, "position_measured")
             self._locate_components(builder, station, scenario)
+            if self.safety_monitor is not None:
+                connect(station, "panda.position_measured", self.safety_monitor, "position_measured")
             for k in range(station.num_output_ports()):
                 builder.ExportOutput(station.get_output_port(k), station.get_output_port(k).get_name())
         self.plant_log: dict[str, VectorLogSink] = {}
@@ -283,6 +299,27 @@ class Assembly(Diagram):
         if begins is not None and begins[0] == ActionKind.ROBOT_TASK:
             _, index, sequence = begins
             self.station.refill(context, (index - 1) % len(self.scenario.workcell.cubes), sequence)
+
+    def _add_safety(
+        self,
+        builder: DiagramBuilder,
+        monitor: SafetyMonitor,
+        connect: Callable[[LeafSystem, str, LeafSystem, str], None],
+    ) -> None:
+        """Wires the safety monitor; its stop, which passes the operator's on, is the chart's."""
+        connect(self.human, "p_WH", monitor, "p_WH")
+        for name in ("path_position", "path_velocity", "motion_progress"):
+            connect(self.robot_action, name, monitor, name)
+        connect(monitor, "speed_scale", self.robot_action, "speed_scale")
+        connect(monitor, "stop", self.task_statechart, "stop")
+        builder.ExportInput(monitor.GetInputPort("stop"), "stop")
+        if self.task_statechart.HasInputPort("ack"):
+            builder.ConnectInput("ack", monitor.GetInputPort("ack"))
+        else:
+            builder.ExportInput(monitor.GetInputPort("ack"), "ack")
+        builder.ExportInput(monitor.GetInputPort("hand_age"), "hand_age")
+        for source, target in (("hand_distance",) * 2, ("speed_scale",) * 2, ("stop", "safety_stop")):
+            builder.ExportOutput(monitor.GetOutputPort(source), target)
 
     def set_episode(self, context: Context, episode: Episode) -> None:
         """Puts everything random of one episode into the diagram's context."""

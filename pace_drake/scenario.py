@@ -13,6 +13,7 @@ from pace_drake.errors import InputError, require
 from pace_drake.lcm.config import LcmConfig
 from pace_drake.observation import check_observation
 from pace_drake.resources import resource_path
+from pace_drake.safety.config import SafetyConfig
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import Task
 
@@ -103,11 +104,13 @@ class Scenario:
     perception: str = "true_poses"
     """How the robot knows where components are, at the plant level: ``true_poses`` (the simulation's), or ``cameras``
     (rendered pictures of the tags on them; docs/perception.md)."""
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
     lcm: LcmConfig = field(default_factory=LcmConfig)
 
     def validate(self) -> None:
         """Raises InputError that names the field if the scenario cannot be used."""
         self.task.validate()
+        self.safety.validate()
         names = [action.name for action in self.task.human_actions if not action.joint]
         for group in ("estimator", "elapsed_threshold", "phase_threshold", "remaining_time_threshold"):
             for name in getattr(self, group):

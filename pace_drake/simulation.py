@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from enum import Enum
-from math import inf
+from math import floor, inf
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -30,11 +30,14 @@ class Simulation:
 
     The human, the robot action and the chart say when something changes next (``next_event_time``); the Simulator
     advances to the earliest of these and the reactive systems update there, in order. Between events only periodic
-    systems step (hand tracker, plant). This costs one ``AdvanceTo`` per event, where a periodic tick fine enough for
-    the same exactness would cost thousands.
+    systems step (hand tracker, plant, safety monitor). This costs one ``AdvanceTo`` per event, where a periodic tick
+    fine enough for the same exactness would cost thousands.
 
     At an event the inputs of the chart are evaluated before anything updates. ``advance`` stops there if a decision is
     asked for and the assembly has no policy, so an adapter sees exactly what a policy inside the diagram sees.
+
+    With a safety monitor it advances by no more than the monitor's period at once: a motion that is slowed down or
+    sped up ends at another time than was foretold, and a stop of the monitor is an event.
 
     Args:
         assembly: built with ``reaction_period=None``.
@@ -70,6 +73,10 @@ class Simulation:
         self._assist_port = assembly.GetInputPort("assist") if self._external else None
         self._at_event = True
         self._asked = False
+        monitor = assembly.safety_monitor
+        self._look = inf if monitor is None else assembly.scenario.safety.period
+        self._stop = None if monitor is None else assembly.GetOutputPort("safety_stop")
+        self._seen_stop = 0.0
 
     @property
     def time(self) -> float:
@@ -144,13 +151,20 @@ class Simulation:
                 if self.finished:
                     return Stop.FINISHED
                 time = self.next_event_time()
-                if time > boundary:
+                if min(time, boundary) == inf:
+                    raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
+                look = self._next_look()
+                if look < min(time, boundary):
+                    self.simulator.AdvanceTo(look)
+                    self._at_event = self._stop_changed()
+                    if not self._at_event:
+                        continue
+                elif time > boundary:
                     self.simulator.AdvanceTo(boundary)
                     return Stop.BOUNDARY
-                if time == inf:
-                    raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
-                self.simulator.AdvanceTo(time)
-                self._at_event = True
+                else:
+                    self.simulator.AdvanceTo(time)
+                    self._at_event = True
             if self._external and not self._asked and self.decision_pending:
                 self._asked = True
                 return Stop.DECISION
@@ -181,6 +195,14 @@ class Simulation:
                 return True
         return False
 
+    def _next_look(self) -> float:
+        """[s] of the safety monitor's next look; inf without one."""
+        return inf if self._stop is None else (floor(self.time / self._look + 1e-9) + 1) * self._look
+
+    def _stop_changed(self) -> bool:
+        """Whether the safety monitor says something else than the statechart has taken up."""
+        return self._stop is not None and self._stop.Eval(self.context)[0] != self._seen_stop
+
     def _react(self) -> None:
         """Updates the reactive systems at the present instant."""
         for listener in self.listeners:
@@ -191,6 +213,8 @@ class Simulation:
             context.SetDiscreteState(values)
             if system is self.assembly.task_statechart:
                 self.assembly.refill_pile(self.context)
+        if self._stop is not None:
+            self._seen_stop = float(self._stop.Eval(self.context)[0])
         self.num_decisions = int(self._index_port.Eval(self._chart_context)[0])
         self._at_event = self._asked = False
         for listener in self.listeners:

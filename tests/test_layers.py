@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pace_drake"
 #: Lower layers must not import higher ones.
 LAYERS = [
     ["errors", "files", "graphviz", "resources"],
-    ["dtw", "statechart", "task", "observation", "perception"],
+    ["dtw", "statechart", "task", "observation", "perception", "safety"],
     ["demos", "lcm"],
     ["stations"],
     ["scenario"],
@@ -50,6 +50,8 @@ def test_every_module_has_its_layer_and_imports_only_lower_ones():
 @pytest.mark.parametrize(
     ("module", "absent"),
     [
+        ("pace_drake.safety.separation", ("pydrake", "torch", "matplotlib")),
+        ("pace_drake.safety.proximity", ("pydrake", "torch", "matplotlib")),
         ("pace_drake.dtw", ("pydrake", "torch", "matplotlib")),
         ("pace_drake.statechart", ("pydrake", "torch", "matplotlib", "numba")),
         ("pace_drake.perception", ("pydrake", "torch", "matplotlib", "cv2")),

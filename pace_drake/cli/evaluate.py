@@ -1,4 +1,4 @@
-"""``pace evaluate``: how good the parts are: phase estimators, policies, perception."""
+"""``pace evaluate``: how good the parts are: phase estimators, policies, perception, safety, the workcell."""
 
 import shlex
 from pathlib import Path
@@ -7,6 +7,7 @@ import click
 
 from pace_drake.cli.evaluate_perception import perception
 from pace_drake.cli.evaluate_policy import policy
+from pace_drake.cli.evaluate_safety import safety
 from pace_drake.cli.evaluate_sensitivity import sensitivity
 from pace_drake.cli.evaluate_workcell import workcell
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
@@ -14,7 +15,7 @@ from pace_drake.cli.tables import rich_table
 from pace_drake.cli.tune import data_option, jobs_option, run_with_progress, seed_option, trials_option
 
 
-@click.group("evaluate", short_help="Compare phase estimators, or policies; measure perception.")
+@click.group("evaluate", short_help="Compare phase estimators, or policies; measure perception, safety, workcell.")
 def command() -> None:
     """Measure how good the parts are."""
 
@@ -64,5 +65,6 @@ def phase(data: str, seed: int, trials: int, jobs: int, json_file: Path | None, 
 
 command.add_command(perception)
 command.add_command(policy)
+command.add_command(safety)
 command.add_command(sensitivity)
 command.add_command(workcell)

@@ -1,6 +1,9 @@
 """The person of the plant level: a figure whose right hand is where the hand source says."""
 
+from math import cos, hypot, sin, sqrt
+
 import numpy as np
+from numba import njit
 from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import (
     Capsule,
@@ -22,6 +25,70 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
+#: [m] between the hip joints, in world.
+P_WHIP = np.array([1.42, 0.0, 0.17])
+#: [m] right shoulder from the hips, trunk upright (the person faces -x).
+P_TRUNK_SHOULDER = np.array([0.0, 0.19, 0.44])
+UPPER_ARM = 0.30  # [m] shoulder to elbow
+FOREARM = 0.33  # [m] elbow to the middle of the hand
+MAX_LEAN = 0.9  # [rad]
+HAND_RADIUS = 0.045  # [m]
+FOREARM_RADIUS = 0.037  # [m]
+FOREARM_START = 0.05  # [m] of the forearm's capsule from the middle of the hand
+#: (2,) [m] of hand and forearm, in the order of ``limb_segments``.
+LIMB_RADII = np.array([HAND_RADIUS, FOREARM_RADIUS])
+
+
+@njit(cache=True, nogil=True)
+def arm_posture(p_WH):
+    """Posture for a hand's position p_WH (3) [m], in closed form and continuous in it.
+
+    Returns:
+        R_WT (3, 3) of the trunk, p_WS (3) [m] shoulder, p_WE (3) [m] elbow.
+    """
+    reach = 0.97 * (UPPER_ARM + FOREARM)
+
+    # Lean about the horizontal axis square to the direction of the hand.
+    to_hand = p_WH - P_WHIP - P_TRUNK_SHOULDER
+    horizontal = hypot(to_hand[0], to_hand[1])
+    distance = sqrt(horizontal**2 + to_hand[2] ** 2)
+    lean = min(max((distance - reach) / P_TRUNK_SHOULDER[2], 0.0), MAX_LEAN)
+    s, c = sin(lean), cos(lean)
+    ux, uy = to_hand[0] / max(horizontal, 1e-9), to_hand[1] / max(horizontal, 1e-9)
+    # Rodrigues' formula about (-uy, ux, 0).
+    R_WT = np.array(
+        [
+            [c + (1 - c) * uy * uy, -(1 - c) * ux * uy, s * ux],
+            [-(1 - c) * ux * uy, c + (1 - c) * ux * ux, s * uy],
+            [-s * ux, -s * uy, c],
+        ]
+    )
+    p_WS = P_WHIP + np.sum(R_WT * P_TRUNK_SHOULDER, axis=1)
+
+    # Elbow: intersection of two spheres, on the side that is down and outwards.
+    p_SH = p_WH - p_WS
+    distance = max(sqrt(np.sum(p_SH**2)), 1e-6)
+    n = p_SH / distance
+    along = (UPPER_ARM**2 - FOREARM**2 + distance**2) / (2 * distance)
+    along = min(max(along, 0.0), UPPER_ARM)
+    outwards = np.array([0.0, 0.6, -1.0])
+    outwards -= np.sum(outwards * n) * n
+    outwards /= max(sqrt(np.sum(outwards**2)), 1e-6)
+    p_WE = p_WS + along * n + sqrt(UPPER_ARM**2 - along**2) * outwards
+    return R_WT, p_WS, p_WE
+
+
+@njit(cache=True, nogil=True)
+def limb_segments(p_WH):
+    """(2, 2, 3) [m] ends of the axes of hand (a sphere) and forearm in world, for a hand's position p_WH (3) [m]."""
+    _, _, p_WE = arm_posture(p_WH)
+    to_elbow = p_WE - p_WH
+    n = to_elbow / max(sqrt(np.sum(to_elbow**2)), 1e-6)
+    segments = np.empty((2, 2, 3))
+    segments[0, 0], segments[0, 1] = p_WH, p_WH
+    segments[1, 0], segments[1, 1] = p_WH + FOREARM_START * n, p_WH + FOREARM * n
+    return segments
+
 
 class Person(LeafSystem):
     """The person at the assembly table, whose right hand follows a point: kinematic geometry for a SceneGraph.
@@ -36,16 +103,6 @@ class Person(LeafSystem):
         geometry_pose: FramePoseVector of the trunk, upper arm and hand frames. Depends on p_WH only.
     """
 
-    p_WHip = np.array([1.42, 0.0, 0.17])
-    """[m] between the hip joints."""
-    p_TrunkShoulder = np.array([0.0, 0.19, 0.44])
-    """[m] right shoulder from the hips, trunk upright (the person faces -x)."""
-    upper_arm = 0.30
-    """[m] shoulder to elbow."""
-    forearm = 0.33
-    """[m] elbow to the middle of the hand."""
-    max_lean = 0.9
-    """[rad]"""
     p_WLeft = np.array([1.28, -0.215, 0.08])
     """[m] the left hand, trunk upright."""
 
@@ -85,7 +142,7 @@ class Person(LeafSystem):
             R = RotationMatrix.MakeFromOneVector(q - p, 2)
             return Capsule(radius, float(np.linalg.norm(q - p))), RigidTransform(R, (p + q) / 2)
 
-        hip = self.p_WHip
+        hip = P_WHIP
         for side, y in (("right", 0.10), ("left", -0.10)):
             foot = [hip[0] + 0.02, y, -0.71]
             add(None, f"{side}_leg", *capsule([hip[0], y * 0.9, hip[2] - 0.03], foot, 0.07), trousers)
@@ -101,9 +158,10 @@ class Person(LeafSystem):
         add("trunk", "left_forearm", *capsule([0.03, -0.25, 0.15], [-0.12, -0.22, -0.06], 0.037), skin)
         add("trunk", "left_hand", Ellipsoid(0.045, 0.03, 0.055), RigidTransform([-0.14, -0.215, -0.09]), skin)
         # z of the arm frames points from the hand or the elbow towards the shoulder.
-        add("upper_arm", "upper_arm", *capsule([0, 0, 0], [0, 0, self.upper_arm], 0.049), shirt, touch=True)
-        add("hand", "hand", Sphere(0.045), RigidTransform(), skin, touch=True)
-        add("hand", "forearm", *capsule([0, 0, 0.05], [0, 0, self.forearm], 0.037), skin, touch=True)
+        add("upper_arm", "upper_arm", *capsule([0, 0, 0], [0, 0, UPPER_ARM], 0.049), shirt, touch=True)
+        add("hand", "hand", Sphere(HAND_RADIUS), RigidTransform(), skin, touch=True)
+        forearm = capsule([0, 0, FOREARM_START], [0, 0, FOREARM], FOREARM_RADIUS)
+        add("hand", "forearm", *forearm, skin, touch=True)
 
         inspector = scene_graph.model_inspector()
         everything = GeometrySet(list(inspector.GetAllGeometryIds(Role.kProximity)))
@@ -122,39 +180,9 @@ class Person(LeafSystem):
     def CalcGeometryPose(self, context: Context, output: Value) -> None:
         """Poses of the frames for the hand's position, in closed form and continuous in it."""
         p_WH = self.GetInputPort("p_WH").Eval(context)
-        reach = 0.97 * (self.upper_arm + self.forearm)
-
-        # Lean about the horizontal axis square to the direction of the hand.
-        to_hand = p_WH - self.p_WHip - self.p_TrunkShoulder
-        horizontal = float(np.hypot(to_hand[0], to_hand[1]))
-        lean = np.clip((np.linalg.norm(to_hand) - reach) / self.p_TrunkShoulder[2], 0.0, self.max_lean)
-        s, c = np.sin(lean), np.cos(lean)
-        ux, uy = to_hand[:2] / max(horizontal, 1e-9)
-        # Rodrigues' formula about (-uy, ux, 0).
-        R_WT = RotationMatrix(
-            np.array(
-                [
-                    [c + (1 - c) * uy * uy, -(1 - c) * ux * uy, s * ux],
-                    [-(1 - c) * ux * uy, c + (1 - c) * ux * ux, s * uy],
-                    [-s * ux, -s * uy, c],
-                ]
-            )
-        )
-        p_WS = self.p_WHip + R_WT.matrix() @ self.p_TrunkShoulder
-
-        # Elbow: intersection of two spheres, on the side that is down and outwards.
-        p_SH = p_WH - p_WS
-        distance = max(float(np.linalg.norm(p_SH)), 1e-6)
-        n = p_SH / distance
-        along = (self.upper_arm**2 - self.forearm**2 + distance**2) / (2 * distance)
-        along = min(max(along, 0.0), self.upper_arm)
-        outwards = np.array([0.0, 0.6, -1.0])
-        outwards -= (outwards @ n) * n
-        outwards /= max(float(np.linalg.norm(outwards)), 1e-6)
-        p_WE = p_WS + along * n + np.sqrt(self.upper_arm**2 - along**2) * outwards
-
+        R_WT, p_WS, p_WE = arm_posture(p_WH)
         poses = FramePoseVector()
-        poses.set_value(self._frames["trunk"], RigidTransform(R_WT, self.p_WHip))
+        poses.set_value(self._frames["trunk"], RigidTransform(RotationMatrix(R_WT), P_WHIP))
         poses.set_value(
             self._frames["upper_arm"], RigidTransform(RotationMatrix.MakeFromOneVector(p_WS - p_WE, 2), p_WE)
         )

@@ -1,5 +1,6 @@
 """RobotAction: carries out what the statechart commands, one motion per command."""
 
+from dataclasses import dataclass
 from math import atan2
 from typing import Protocol
 
@@ -12,9 +13,12 @@ from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind, Episode, Task
 #: [s] how soon an arm that has not arrived at the end of its motion is looked at again.
 _ARRIVAL_POLL = 0.01
 
+#: [s] in which the path rate falls from 1 to 0, unless told otherwise.
+STOP_TIME = 0.25
+
 #: Places in the state; the drawn durations follow.
-_SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE = range(10)
-_LOCATED, _RELEASED, _DRAWN = slice(10, 13), 13, 14
+_SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE, _HELD = range(11)
+_LOCATED, _RELEASED, _DRAWN = slice(11, 14), 14, 15
 
 #: [s] between two looks at whether the person's hand has what is held out to it.
 _HAND_PERIOD = 0.01
@@ -46,6 +50,20 @@ class HandOver(Protocol):
         """[m] to which it opens."""
 
 
+#: Postures along the path ahead that are put out for a monitor, the present one included.
+NUM_POSTURES = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pacing:
+    """How a monitor outside leads the rate at which paths are passed."""
+
+    period: float
+    """[s] between two looks at the input ``speed_scale``."""
+    look_ahead: float
+    """[s] of the path, passed at rate 1, that is put out."""
+
+
 class Motions(Protocol):
     """Planned motions, as ``pace_drake.stations.motions.MotionLibrary`` offers them.
 
@@ -65,6 +83,9 @@ class Motions(Protocol):
     def position(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> np.ndarray:
         """(7,) [rad] joint positions after ``fraction`` of the motion."""
 
+    def velocity(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> np.ndarray:
+        """(7,) [rad/s] joint velocities after ``fraction`` of the motion, played in its minimum duration."""
+
     def gripper_width(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> float:
         """[m]."""
 
@@ -77,7 +98,9 @@ class RobotAction(LeafSystem):
 
     A command is new when its sequence number is. ``motion_done`` is the sequence number of the last finished command,
     so that a late reader can neither miss nor repeat one (docs/statechart.md). Holding and going on scale the time in
-    which the path is passed, down to 0 and up to 1 again: the arm stays on its path and never jumps in velocity.
+    which the path is passed, down to 0 and up to 1 again: the arm stays on its path and never jumps in velocity. With
+    a ``Pacing`` a monitor leads the rate in the same way to anything between 0 and 1. Where it asks for less right
+    after a motion has begun, the rate need not fall gradually: the arm hardly moves yet.
 
     A motion that fetches something begins when the component has been located within ``MAX_COMPONENT_AGE``, and leads
     to where it was then. What is held out is let go when the person's hand has it, and only then the motion is done.
@@ -88,6 +111,7 @@ class RobotAction(LeafSystem):
         component_poses (7 n), component_ages (n) [s]: only with motions; quaternion w, x, y, z and position [m] of each
             component, and how long ago it was there.
         p_WH (3) [m]: only with motions; the person's hand.
+        speed_scale (1) [-]: only with a pacing; path rate in [0, 1] to aim at where nothing is held.
 
     Outputs:
         motion_done (1): sequence number of the last finished command; 0 before the first.
@@ -95,16 +119,21 @@ class RobotAction(LeafSystem):
         motion_progress (3): kind, index, fraction in [0, 1] of the motion that runs or ran last.
         next_event_time (1) [s]: when motion_done or robot_busy change next; inf if nothing runs.
         position (7) [rad], gripper_position (1) [m]: only with motions; the home position before the first command.
+        path_rate (1) [-]: only with a pacing; rate at which the path is passed, 0 when nothing is active.
+        path_position (NUM_POSTURES * 7) [rad], path_velocity (NUM_POSTURES * 7) [rad/s]: only with a pacing; joint
+            positions, and velocities at path rate 1, now and evenly along the path ahead; velocities are zero when
+            nothing is active.
 
     State:
         [sequence, kind, index, duration [s], time of the last update of the path's clock [s], path time then [s], path
-        rate then [-], path rate aimed at (1 or 0), active (not finished), last done, x, y [m] and yaw [rad] of what is
+        rate then [-], path rate aimed at [-], active (not finished), last done, held, x, y [m] and yaw [rad] of what is
         fetched, time at which it was let go [s] (negative: it was not), robot-task durations
         (NUM_ROBOT_DRAWS * M) [s], preparation (L), joint (L), homing (L) [s]].
 
     Events:
         update: takes a new command, holds, or goes on (forced or periodic).
         periodic (10 ms), only with motions: looks whether the hand has what is held out, and changes nothing else.
+        periodic, only with a pacing: aims at another rate if ``speed_scale`` has changed, and changes nothing else.
 
     Args:
         task: a validated task.
@@ -112,6 +141,7 @@ class RobotAction(LeafSystem):
         num_components: n; only with motions.
         arrival_tolerance: [rad] largest joint error at which a motion counts as done.
         stop_time: [s] in which the path rate falls from 1 to 0, and rises again; only with motions.
+        pacing: lets a monitor lead the path rate; only with motions.
         reaction_period: see ``declare_update``.
     """
 
@@ -121,7 +151,8 @@ class RobotAction(LeafSystem):
         motions: Motions | None = None,
         num_components: int = 0,
         arrival_tolerance: float = 0.05,
-        stop_time: float = 0.25,
+        stop_time: float = STOP_TIME,
+        pacing: Pacing | None = None,
         reaction_period: float | None = None,
     ) -> None:
         super().__init__()
@@ -144,6 +175,15 @@ class RobotAction(LeafSystem):
             self.DeclarePeriodicDiscreteUpdateEvent(_HAND_PERIOD, 0.0, self._watch_hand)
             declare_output(self, "position", self._position, now, size=7)
             declare_output(self, "gripper_position", self._gripper, now)
+        self._pacing = pacing
+        if pacing is not None:
+            assert motions is not None, "only planned motions have a pace"
+            self._scale = declare_input(self, "speed_scale")
+            self._ahead = np.linspace(0.0, pacing.look_ahead, NUM_POSTURES)
+            declare_output(self, "path_rate", self._path_rate, now)
+            declare_output(self, "path_position", self._path_position, now, size=7 * NUM_POSTURES)
+            declare_output(self, "path_velocity", self._path_velocity, now, size=7 * NUM_POSTURES)
+            self.DeclarePeriodicDiscreteUpdateEvent(pacing.period, 0.0, self._follow_scale)
         declare_output(self, "motion_done", self._motion_done, arrival)
         declare_output(self, "robot_busy", self._busy, arrival)
         declare_output(self, "motion_progress", self._progress, now, size=3)
@@ -196,7 +236,7 @@ class RobotAction(LeafSystem):
         left, ramp, rate = state[_DURATION] - state[_PATH], self._ramp(state), state[_RATE]
         in_ramp = (rate + state[_AIM]) / 2 * ramp
         if left > in_ramp or ramp == 0:
-            return state[_SINCE] + (ramp + (left - in_ramp)) if state[_AIM] else np.inf
+            return state[_SINCE] + (ramp + (left - in_ramp) / state[_AIM]) if state[_AIM] else np.inf
         slope = (state[_AIM] - rate) / ramp
         return state[_SINCE] + 2 * left / (rate + np.sqrt(rate**2 + 2 * slope * left))
 
@@ -272,7 +312,52 @@ class RobotAction(LeafSystem):
             return 0.0
         return min(hand_over.speed * (time - state[_RELEASED]), hand_over.width)
 
+    # ---- the path ahead
+
+    def _path_rate(self, context: Context) -> float:
+        return self._path_time(self._state(context), context.get_time())[1]
+
+    def _path_ahead(self, context: Context) -> np.ndarray:
+        """Fractions of the motion, now and ahead."""
+        state = self._state(context)
+        return (self._path_time(state, context.get_time())[0] + self._ahead) / state[_DURATION]
+
+    def _path_position(self, context: Context) -> np.ndarray:
+        assert self._motions is not None
+        state = self._state(context)
+        if not state[_ACTIVE]:
+            return np.tile(self._position(context), NUM_POSTURES)
+        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
+        located = state[_LOCATED]
+        return np.concatenate([self._motions.position(kind, index, f, located) for f in self._path_ahead(context)])
+
+    def _path_velocity(self, context: Context) -> np.ndarray:
+        assert self._motions is not None
+        state = self._state(context)
+        if not state[_ACTIVE]:
+            return np.zeros(7 * NUM_POSTURES)
+        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
+        located = state[_LOCATED]
+        slower = self._motions.minimum_duration(kind, index, located) / state[_DURATION]
+        ahead = [self._motions.velocity(kind, index, f, located) for f in self._path_ahead(context)]
+        return slower * np.concatenate(ahead)
+
     # ---- update
+
+    def _aim(self, context: Context) -> float:
+        """The path rate aimed at where nothing is held."""
+        return 1.0 if self._pacing is None else float(np.clip(self._scale.Eval(context)[0], 0.0, 1.0))
+
+    def _follow_scale(self, context: Context, values: DiscreteValues) -> None:
+        before, time, aim = self._state(context), context.get_time(), self._aim(context)
+        if not before[_ACTIVE] or before[_HELD] or aim == before[_AIM]:
+            return
+        assert self._pacing is not None
+        x = values.get_mutable_value(0)
+        x[_PATH], x[_RATE] = self._path_time(before, time)
+        if x[_PATH] <= self._pacing.period:
+            x[_RATE] = min(x[_RATE], aim)
+        x[_SINCE], x[_AIM] = time, aim
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         kind_value, index, sequence = self._command.Eval(context)
@@ -282,12 +367,13 @@ class RobotAction(LeafSystem):
         if self._is_done(context):
             x[_LAST_DONE], x[_PATH], x[_ACTIVE] = x[_SEQUENCE], x[_DURATION], 0.0
         if kind == ActionKind.HOLD:
-            if x[_ACTIVE] and x[_AIM]:
+            if x[_ACTIVE] and not x[_HELD]:
                 x[_PATH], x[_RATE] = self._path_time(before, time)
-                x[_SINCE], x[_AIM] = time, 0.0
+                x[_SINCE], x[_AIM], x[_HELD] = time, 0.0, 1.0
             return
         if sequence == x[_SEQUENCE] or kind == ActionKind.NONE:
             return
+        aim = self._aim(context)
         begins = self.begins(context)
         if begins is None:
             x[_PATH], x[_RATE] = self._path_time(before, time)
@@ -296,10 +382,10 @@ class RobotAction(LeafSystem):
             if located is None:
                 return
             # A new motion begins at rest by itself: its clock need not start slowly.
-            x[_KIND], x[_INDEX], x[_PATH], x[_RATE] = kind_value, index, 0.0, 1.0
+            x[_KIND], x[_INDEX], x[_PATH], x[_RATE] = kind_value, index, 0.0, aim
             x[_LOCATED], x[_RELEASED] = located, -1.0
             x[_DURATION] = self._drawn_duration(before, kind, int(index), int(sequence), located)
-        x[_SEQUENCE], x[_SINCE], x[_AIM], x[_ACTIVE] = sequence, time, 1.0, 1.0
+        x[_SEQUENCE], x[_SINCE], x[_AIM], x[_ACTIVE], x[_HELD] = sequence, time, aim, 1.0, 0.0
 
     def begins(self, context: Context) -> tuple[ActionKind, int, int] | None:
         """(kind, index, sequence) of the motion that an update now would begin anew; None if it would not."""
@@ -325,7 +411,7 @@ class RobotAction(LeafSystem):
         """Lets go of what the person has."""
         assert self._motions is not None
         state = self._state(context)
-        if state[_KIND] != ActionKind.JOINT or not state[_ACTIVE] or not state[_AIM] or state[_RELEASED] >= 0:
+        if state[_KIND] != ActionKind.JOINT or not state[_ACTIVE] or state[_HELD] or state[_RELEASED] >= 0:
             return
         hand_over = self._motions.hand_over(ActionKind.JOINT, int(state[_INDEX]))
         if hand_over is None or self._fraction(context) < hand_over.offered:

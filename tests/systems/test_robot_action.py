@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pace_drake.systems.robot_action import RobotAction
+from pace_drake.systems.robot_action import NUM_POSTURES, Pacing, RobotAction
 from pace_drake.task import ActionKind, sample_episode
 from tests.systems.forced import force_update
 
@@ -15,6 +15,10 @@ class LineMotions:
 
     def position(self, kind, index, fraction):
         return np.full(7, 0.1 * int(kind) + 0.01 * index) * fraction
+
+    def velocity(self, kind, index, fraction):
+        inside = 0 <= fraction <= 1
+        return np.full(7, 0.1 * int(kind) + 0.01 * index) / self.minimum_duration(kind, index) * inside
 
     def gripper_width(self, kind, index, fraction):
         return 0.04 * (1 - fraction)
@@ -200,3 +204,135 @@ def test_a_hold_while_speeding_up_again_slows_down_from_there(chair, episode):
     duration = episode.robot[0, 0]
     path = 2.0 + 0.2 + 2 * 0.25 * 0.1 / 2
     assert bench.out("motion_progress", 9.0)[2] == pytest.approx(path / duration)
+
+
+# ---- a rate led from outside
+
+
+class PacedBench(Bench):
+    """Looks at ``speed_scale`` every 10 ms, as the Simulator does."""
+
+    def __init__(self, task, episode, motions=None):
+        pacing = Pacing(period=0.01, look_ahead=0.2)
+        super().__init__(RobotAction(task, motions or LineMotions(), stop_time=0.4, pacing=pacing), episode)
+        self.dut.GetInputPort("position_measured").FixValue(self.context, np.full(7, 0.11))
+        self.scale(1.0)
+
+    def scale(self, value):
+        self.dut.GetInputPort("speed_scale").FixValue(self.context, [value])
+
+    def look(self, time):
+        self.context.SetTime(time)
+        self.context.SetDiscreteState(self.dut.EvalUniquePeriodicDiscreteUpdate(self.context))
+
+    def state(self):
+        return self.context.get_discrete_state_vector().value().copy()
+
+
+@pytest.fixture(scope="module")
+def paced(chair, episode):
+    return PacedBench(chair.task, episode)
+
+
+@pytest.fixture
+def paced_bench(paced, episode):
+    paced.context.SetTime(0.0)
+    paced.dut.set_episode(paced.context, episode)
+    paced.scale(1.0)
+    return paced
+
+
+def test_at_full_scale_looking_changes_nothing(paced_bench):
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    before = paced_bench.state()
+    for k in range(1, 200):
+        paced_bench.look(0.01 * k)
+    assert np.array_equal(paced_bench.state(), before)
+
+
+def test_the_rate_follows_the_scale_on_a_ramp_and_the_end_is_foretold(paced_bench, episode):
+    duration = episode.robot[0, 0]
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    changes = {200: 0.5, 300: 0.0, 400: 0.25, 500: 1.0}
+    fractions, rates, busy = [], [], []
+    for k in range(1300):
+        if k in changes:
+            paced_bench.scale(changes[k])
+        paced_bench.look(0.01 * k)
+        fractions.append(paced_bench.out("motion_progress")[2])
+        rates.append(paced_bench.out("path_rate"))
+        busy.append(paced_bench.out("robot_busy"))
+    measured = np.diff(fractions) * duration / 0.01
+    moving = np.array(fractions[1:]) < 1
+    np.testing.assert_allclose(measured[moving], (np.array(rates)[1:] + np.array(rates)[:-1])[moving] / 2, atol=0.02)
+    assert np.max(np.abs(np.diff(rates[:800]))) <= 0.01 / 0.4 + 1e-9
+    for k, rate in ((199, 1.0), (290, 0.5), (390, 0.0), (490, 0.25), (590, 1.0)):
+        assert rates[k] == pytest.approx(rate)
+    assert busy[390] == 0
+    assert busy[490] == 1
+    # Path time lost: each ramp takes 0.4 s per unit, and the rates in between.
+    passed = np.interp(duration, np.cumsum(np.array(rates)) * 0.01, np.arange(1300) * 0.01)
+    assert paced_bench.out("next_event_time") >= passed - 0.02
+    assert paced_bench.out("motion_done") == 1
+
+
+def test_the_end_at_half_rate_is_exact(paced_bench, episode):
+    duration = episode.robot[0, 0]
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    paced_bench.scale(0.5)
+    paced_bench.look(2.0)
+    in_ramp = 0.75 * 0.2
+    assert paced_bench.out("next_event_time") == pytest.approx(2.2 + (duration - 2.0 - in_ramp) / 0.5)
+    assert paced_bench.out("motion_done", paced_bench.out("next_event_time")) == 1
+
+
+def test_a_hold_keeps_the_arm_whatever_the_scale_and_goes_on_at_it(paced_bench):
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    paced_bench.scale(0.5)
+    paced_bench.look(1.0)
+    paced_bench.update(2.0, ActionKind.HOLD, 0, 1)
+    for time, scale in ((2.1, 1.0), (3.0, 0.7)):
+        paced_bench.scale(scale)
+        paced_bench.look(time)
+    assert paced_bench.out("path_rate", 4.0) == 0
+    paced_bench.update(5.0, ActionKind.ROBOT_TASK, 1, 2)
+    assert paced_bench.out("path_rate", 5.0) == 0
+    assert paced_bench.out("path_rate", 6.0) == pytest.approx(0.7)
+
+
+def test_a_stop_right_at_the_start_is_at_once(paced_bench):
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    paced_bench.scale(0.0)
+    paced_bench.look(0.01)
+    assert paced_bench.out("path_rate") == 0
+    paced_bench.update(1.0, ActionKind.ROBOT_TASK, 2, 2)
+    assert paced_bench.out("path_rate") == 0  # a new motion waits, too
+    assert paced_bench.out("next_event_time") == np.inf
+
+
+def test_the_path_ahead_is_that_of_the_motion(paced_bench, episode):
+    duration = episode.robot[0, 0]
+    assert not np.any(paced_bench.out("path_velocity"))
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    paced_bench.scale(0.5)
+    paced_bench.look(1.0)
+    ahead = (paced_bench.out("motion_progress", 2.0)[2] * duration + np.linspace(0, 0.2, NUM_POSTURES)) / duration
+    position = paced_bench.out("path_position").reshape(NUM_POSTURES, 7)
+    np.testing.assert_allclose(position, 0.11 * np.outer(ahead, np.ones(7)))
+    np.testing.assert_allclose(paced_bench.out("path_velocity"), 0.11 / duration)  # at rate 1, whatever the rate
+
+
+def test_the_path_is_the_same_at_any_rate(paced_bench):
+    """Every commanded position lies on the motion, and none is skipped."""
+    paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    rng, positions = np.random.default_rng(0), []
+    for k in range(4000):
+        paced_bench.scale(float(rng.choice([0.0, 0.3, 1.0])))
+        paced_bench.look(0.01 * k)
+        fraction = paced_bench.out("motion_progress")[2]
+        positions.append(paced_bench.out("position").copy())
+        assert np.array_equal(positions[-1], LineMotions().position(ActionKind.ROBOT_TASK, 1, fraction))
+    steps = np.diff(np.array(positions)[:, 0])
+    assert np.all(steps >= 0)
+    assert np.max(steps) <= 0.11 / 5.5 * 0.01 * 1.01
+    assert positions[-1][0] == pytest.approx(0.11)

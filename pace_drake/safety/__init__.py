@@ -1,0 +1,1 @@
+"""Speed and separation monitoring: formulas and distances, without Drake."""
