@@ -1,9 +1,12 @@
 """The plant station: Panda, tables, cubes and the person as one Diagram with the ports that every station has."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from pydrake.geometry import (
     Box,
     CollisionFilterDeclaration,
+    GeometryId,
     GeometrySet,
     Meshcat,
     MeshcatVisualizer,
@@ -34,6 +37,7 @@ from pace_drake.task import NUM_ROBOT_DRAWS
 
 NUM_ARM_JOINTS = 7
 NUM_FINGERS = 2
+_STILL = ("sorting_table", "warehouse_table", "assembly_table", "chair_base", "pedestal")
 _POSE = 7  # numbers of a pose: a quaternion and a position
 
 
@@ -67,21 +71,37 @@ def add_furniture(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Work
 def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Workcell, parser: Parser) -> None:
     """Adds the components, free to move, where they nominally lie; model instances by ``components``' names.
 
-    Allen keys pass through the chair: the person puts them into its screws.
+    What stands still is touched by the small spheres of a component alone: they bear it, and pairs of boxes that never
+    meet are what would take most of the time. Allen keys pass through the chair: the person puts them into its screws.
     """
-    keys, chair = GeometrySet(), GeometrySet(plant.GetCollisionGeometriesForBody(plant.GetBodyByName("chair_base")))
+    inspector = scene_graph.model_inspector()
+    still, chair = (GeometrySet(_geometries_of(plant, names)) for names in (_STILL, ("chair_base",)))
+    still.Add([g for k in range(len(workcell.trays)) for g in _geometries_of(plant, (f"tray_{k + 1}",))])
+    boxes, keys = GeometrySet(), GeometrySet()
     for k, component in enumerate(components(workcell)):
         body = _add_model(plant, parser, component.model, component.name)
         plant.SetDefaultFloatingBaseBodyPose(body, component.nominal.to_rigid_transform())
         geometries = plant.GetCollisionGeometriesForBody(body)
+        boxes.Add([geometry for geometry in geometries if isinstance(inspector.GetShape(geometry), Box)])
         if component.model == "cube":
             _paint(plant, scene_graph, body, workcell, k)
         elif component.model == "chair_side":
             chair.Add(geometries)
         else:
             keys.Add(geometries)
-    scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeBetween(keys, chair))
+    passing = CollisionFilterDeclaration().ExcludeBetween(boxes, still).ExcludeBetween(keys, chair)
+    scene_graph.collision_filter_manager().Apply(passing)
     add_tags(plant, [component.name for component in components(workcell)])
+
+
+def _geometries_of(plant: MultibodyPlant, instances: Iterable[str]) -> list[GeometryId]:
+    """Collision geometries of model instances."""
+    return [
+        geometry
+        for instance in instances
+        for index in plant.GetBodyIndices(plant.GetModelInstanceByName(instance))
+        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
+    ]
 
 
 def _add_model(plant: MultibodyPlant, parser: Parser, model: str, name: str) -> RigidBody:

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pace_drake.safety.proximity import approach, nearest_points
 from pace_drake.stations.arm_capsules import load_arm_capsules
 from pace_drake.stations.person import LIMB_RADII, Person, limb_segments
-from pace_drake.stations.plant import add_workcell
+from pace_drake.stations.plant import add_furniture
 from pace_drake.stations.workcell import Workcell
 
 
@@ -23,7 +23,7 @@ def drake():
     """Drake's own distances of every collision geometry of the Panda to hand and forearm."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.005)
-    add_workcell(plant, scene_graph, Workcell(), free_cubes=False)
+    add_furniture(plant, scene_graph, Workcell())
     plant.Finalize()
     person = builder.AddSystem(Person(scene_graph))
     builder.Connect(person.get_output_port(), scene_graph.get_source_pose_port(person.source_id))
