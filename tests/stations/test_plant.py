@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 
 from pace_drake.errors import InputError
 from pace_drake.stations.motions import plan_motions
-from pace_drake.stations.person import FOREARM, UPPER_ARM
+from pace_drake.stations.person import FOREARM, P_TRUNK_SHOULDER, UPPER_ARM
 from pace_drake.stations.plant import make_plant_station
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
@@ -187,7 +187,7 @@ def test_the_person_holds_together(station, simulator):
         inspector = query.inspector()
         X = {inspector.GetName(f): query.GetPoseInWorld(f) for f in inspector.FramesForSource(person.source_id)}
         elbow = X["hand"] @ np.array([0.0, 0.0, FOREARM])
-        shoulder = X["trunk"] @ person.p_TrunkShoulder
+        shoulder = X["trunk"] @ P_TRUNK_SHOULDER
         assert np.linalg.norm(elbow - X["upper_arm"].translation()) < 0.08
         np.testing.assert_allclose(X["upper_arm"] @ np.array([0.0, 0.0, UPPER_ARM]), shoulder, atol=1e-9)
 
