@@ -13,7 +13,7 @@ from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.stations.arm_capsules import load_arm_capsules
-from pace_drake.stations.components import components
+from pace_drake.stations.components import component_index, components
 from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
 from pace_drake.stations.plant import PlantStation
@@ -291,14 +291,24 @@ class Assembly(Diagram):
         assert isinstance(self.station, PlantStation)
         self.station.set_layout(context, layout)
 
-    def refill_pile(self, context: Context) -> None:
-        """Puts the cube that an update of ``robot_action`` now would fetch back into the pile, if it is not there."""
+    def attend_plant(self, context: Context) -> None:
+        """What happens around the robot when an update of ``robot_action`` now would begin a motion: the cube that it
+        fetches is put back into the pile, if it is not there, and what it does not handle is let sleep.
+        """
         if not isinstance(self.station, PlantStation):
             return
         begins = self.robot_action.begins(self.robot_action.GetMyContextFromRoot(context))
-        if begins is not None and begins[0] == ActionKind.ROBOT_TASK:
-            _, index, sequence = begins
-            self.station.refill(context, (index - 1) % len(self.scenario.workcell.cubes), sequence)
+        if begins is None:
+            return
+        kind, index, sequence = begins
+        workcell = self.scenario.workcell
+        if kind == ActionKind.ROBOT_TASK:
+            handled = component_index(workcell, kind, index)
+            assert handled is not None
+            self.station.refill(context, handled, sequence)
+        else:
+            handled = component_index(workcell, ActionKind.PREPARE, index)
+        self.station.wake(context, handled)
 
     def _add_safety(
         self,

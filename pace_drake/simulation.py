@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 from enum import Enum
-from math import floor, inf
+from math import inf
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, EventStatus
 
 from pace_drake.diagram import Assembly
 from pace_drake.stations.layout import Layout, sample_layout
+from pace_drake.systems.safety_monitor import SafetyMonitor
 from pace_drake.task import Episode
 
 
@@ -36,8 +37,8 @@ class Simulation:
     At an event the inputs of the chart are evaluated before anything updates. ``advance`` stops there if a decision is
     asked for and the assembly has no policy, so an adapter sees exactly what a policy inside the diagram sees.
 
-    With a safety monitor it advances by no more than the monitor's period at once: a motion that is slowed down or
-    sped up ends at another time than was foretold, and a stop of the monitor is an event.
+    A safety monitor may lead a motion to another pace, so that it ends at another time than was foretold, and its stop
+    is an event: an advance ends within a step of that, and what happens next is foretold anew.
 
     Args:
         assembly: built with ``reaction_period=None``.
@@ -73,10 +74,13 @@ class Simulation:
         self._assist_port = assembly.GetInputPort("assist") if self._external else None
         self._at_event = True
         self._asked = False
-        monitor = assembly.safety_monitor
-        self._look = inf if monitor is None else assembly.scenario.safety.period
-        self._stop = None if monitor is None else assembly.GetOutputPort("safety_stop")
-        self._seen_stop = 0.0
+        self._robot_context = assembly.robot_action.GetMyContextFromRoot(self.context)
+        self._safety_context: Context | None = None
+        self._seen_latch = False
+        self._foretold = 0.0
+        if assembly.safety_monitor is not None:
+            self._safety_context = assembly.safety_monitor.GetMyContextFromRoot(self.context)
+            self.simulator.set_monitor(self._watch)
 
     @property
     def time(self) -> float:
@@ -151,19 +155,18 @@ class Simulation:
                 if self.finished:
                     return Stop.FINISHED
                 time = self.next_event_time()
-                if min(time, boundary) == inf:
+                target = min(time, boundary)
+                if target == inf:
                     raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
-                look = self._next_look()
-                if look < min(time, boundary):
-                    self.simulator.AdvanceTo(look)
-                    self._at_event = self._stop_changed()
+                self._foretold = self._led()
+                self.simulator.AdvanceTo(target)
+                if self.time < target:  # the safety monitor intervened
+                    self._at_event = self._latch_changed()
                     if not self._at_event:
                         continue
                 elif time > boundary:
-                    self.simulator.AdvanceTo(boundary)
                     return Stop.BOUNDARY
                 else:
-                    self.simulator.AdvanceTo(time)
                     self._at_event = True
             if self._external and not self._asked and self.decision_pending:
                 self._asked = True
@@ -195,13 +198,19 @@ class Simulation:
                 return True
         return False
 
-    def _next_look(self) -> float:
-        """[s] of the safety monitor's next look; inf without one."""
-        return inf if self._stop is None else (floor(self.time / self._look + 1e-9) + 1) * self._look
+    def _led(self) -> float:
+        """[s] when the safety monitor last led the motion to another pace, or a motion began."""
+        return self.assembly.robot_action.clock_time(self._robot_context)
 
-    def _stop_changed(self) -> bool:
-        """Whether the safety monitor says something else than the statechart has taken up."""
-        return self._stop is not None and self._stop.Eval(self.context)[0] != self._seen_stop
+    def _latch_changed(self) -> bool:
+        """Whether the safety monitor has latched, or let go, since the statechart last reacted."""
+        return self._safety_context is not None and SafetyMonitor.latched(self._safety_context) != self._seen_latch
+
+    def _watch(self, _: Context) -> EventStatus:
+        """Ends an advance early when what was foretold does not hold any more."""
+        if self._latch_changed() or self._led() != self._foretold:
+            return EventStatus.ReachedTermination(self.assembly, "the safety monitor intervened")
+        return EventStatus.DidNothing()
 
     def _react(self) -> None:
         """Updates the reactive systems at the present instant."""
@@ -212,9 +221,9 @@ class Simulation:
             system.CalcForcedDiscreteVariableUpdate(context, values)
             context.SetDiscreteState(values)
             if system is self.assembly.task_statechart:
-                self.assembly.refill_pile(self.context)
-        if self._stop is not None:
-            self._seen_stop = float(self._stop.Eval(self.context)[0])
+                self.assembly.attend_plant(self.context)
+        if self._safety_context is not None:
+            self._seen_latch = SafetyMonitor.latched(self._safety_context)
         self.num_decisions = int(self._index_port.Eval(self._chart_context)[0])
         self._at_event = self._asked = False
         for listener in self.listeners:

@@ -18,7 +18,7 @@ from zipfile import BadZipFile
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from pace_drake.errors import InputError
 from pace_drake.files import cache_folder, write_whole
@@ -32,38 +32,9 @@ from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
 _HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
+_FETCHING = (ActionKind.ROBOT_TASK, ActionKind.PREPARE)
 _NUM_KEPT = 512  # located motions in memory
 _PLANS = 1  # version of what is written to the cache
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A joint trajectory and the gripper's width along it, at the least duration."""
-
-    times: np.ndarray
-    """(n) [s] knots of a cubic Hermite spline, from 0."""
-    positions: np.ndarray
-    """(n, 7) [rad]"""
-    velocities: np.ndarray
-    """(n, 7) [rad/s]"""
-    width_times: np.ndarray
-    """(m) [s]"""
-    widths: np.ndarray
-    """(m) [m] desired, linear in between."""
-    offered: float = -1.0
-    """[s] from when on the gripper opens if the person's hand takes what it holds; below 0 if it does not wait."""
-    approaches: np.ndarray = field(default_factory=lambda: np.zeros((0, NUM_ARM_JOINTS)))
-    """(k, 7) [rad] postures over what is fetched, from which a motion for another place is sought."""
-
-    @property
-    def duration(self) -> float:
-        """[s]"""
-        return float(self.times[-1])
-
-    @cached_property
-    def trajectory(self) -> PiecewisePolynomial:
-        """(7) [rad] over [0, duration]."""
-        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
 
 
 @dataclass(frozen=True)
@@ -80,6 +51,63 @@ class HandOver:
     """[m/s] at which the gripper opens."""
     width: float
     """[m] to which it opens."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A joint trajectory and the gripper's width along it, at the least duration."""
+
+    times: np.ndarray
+    """(n) [s] knots of a cubic Hermite spline, from 0."""
+    positions: np.ndarray
+    """(n, 7) [rad]"""
+    velocities: np.ndarray
+    """(n, 7) [rad/s]"""
+    width_times: np.ndarray
+    """(m) [s]"""
+    widths: np.ndarray
+    """(m) [m] desired, linear in between."""
+    approaches: np.ndarray = field(default_factory=lambda: np.zeros((0, NUM_ARM_JOINTS)))
+    """(k, 7) [rad] postures over what is fetched, from which a motion for another place is sought."""
+
+    hand_over: HandOver | None = None
+    """How what is held out is let go; None where the gripper opens by the clock."""
+
+    @cached_property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.times[-1])
+
+    @cached_property
+    def trajectory(self) -> PiecewisePolynomial:
+        """(7) [rad] over [0, duration]."""
+        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+
+    @cached_property
+    def _rate(self) -> Trajectory:
+        """(7) [rad/s] over [0, duration]."""
+        return self.trajectory.MakeDerivative()
+
+    def position(self, fraction: float) -> np.ndarray:
+        """Returns the (7) joint positions [rad] at a fraction of the motion, clamped to [0, 1].
+
+        The time-optimal trajectory is scaled linearly in time: replayed in ``k`` times its duration, it has 1/k of its
+        velocities and 1/k^2 of its accelerations.
+        """
+        return self.trajectory.value(min(max(fraction, 0.0), 1.0) * self.duration)[:, 0]
+
+    def path_positions(self, fractions: np.ndarray) -> np.ndarray:
+        """Returns the (n, 7) joint positions [rad] at fractions (n) of the motion, clamped to [0, 1]."""
+        return self.trajectory.vector_values(np.clip(fractions, 0.0, 1.0) * self.duration).T
+
+    def path_velocities(self, fractions: np.ndarray) -> np.ndarray:
+        """Returns the (n, 7) joint velocities [rad/s] at fractions (n) of the motion at full speed; 0 beyond it."""
+        inside = (fractions >= 0.0) & (fractions <= 1.0)
+        return self._rate.vector_values(np.clip(fractions, 0.0, 1.0) * self.duration).T * inside[:, None]
+
+    def gripper_width(self, fraction: float) -> float:
+        """Returns the desired width [m] between the fingers at a fraction of the motion, clamped to [0, 1]."""
+        return float(np.interp(min(max(fraction, 0.0), 1.0) * self.duration, self.width_times, self.widths))
 
 
 class MotionLibrary:
@@ -110,6 +138,10 @@ class MotionLibrary:
     def _planner(self) -> "_Planner":
         return _Planner(self._workcell)
 
+    def component(self, kind: ActionKind, index: int) -> int | None:
+        """Which component, as an index into ``components``, the action fetches; None if it fetches none."""
+        return component_index(self._workcell, kind, index)
+
     def motion(self, kind: ActionKind, index: int, located: np.ndarray | None = None) -> Motion:
         """The motion of an action; see the class.
 
@@ -117,62 +149,31 @@ class MotionLibrary:
             InputError: the component cannot be fetched from there.
         """
         nominal = self._motions[kind, index]
-        fetched = component_index(self._workcell, kind, index)
-        if located is None or fetched is None:
+        if located is None or kind not in _FETCHING:
             return nominal
-        key = (kind, index, np.asarray(located, dtype=float).tobytes())
-        if key not in self._located:
-            if np.array_equal(located, components(self._workcell)[fetched].located):
-                return nominal
-            self._located[key] = self._planner.fetch(kind, index, located, nominal)
+        key = (kind, index, located.tobytes())
+        motion = self._located.get(key)
+        if motion is None:
+            fetched = self.component(kind, index)
+            assert fetched is not None
+            same = np.array_equal(located, components(self._workcell)[fetched].located)
+            motion = nominal if same else self._planner.fetch(kind, index, located, nominal)
+            self._located[key] = motion
             if len(self._located) > _NUM_KEPT:
                 self._located.popitem(last=False)
-        self._located.move_to_end(key)
-        return self._located[key]
+        return motion
 
-    def component(self, kind: ActionKind, index: int) -> int | None:
-        """Which component, as an index into ``components``, the action fetches; None if it fetches none."""
-        return component_index(self._workcell, kind, index)
+    def position(self, kind: ActionKind, index: int, fraction: float) -> np.ndarray:
+        """``Motion.position`` of a nominal motion."""
+        return self._motions[kind, index].position(fraction)
 
-    def hand_over(self, kind: ActionKind, index: int) -> HandOver | None:
-        """How what is held out in an action is let go; None where the gripper opens by the clock."""
-        motion = self._motions[kind, index]
-        if motion.offered < 0:
-            return None
-        w = self._workcell
-        return HandOver(
-            offered=motion.offered / motion.duration,
-            p_WH=np.array(w.presentations[(index - 2) % len(w.presentations)].hand),
-            reach=w.release_distance,
-            speed=w.gripper_speed,
-            width=w.gripper_open,
-        )
+    def gripper_width(self, kind: ActionKind, index: int, fraction: float) -> float:
+        """``Motion.gripper_width`` of a nominal motion."""
+        return self._motions[kind, index].gripper_width(fraction)
 
-    def position(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None = None) -> np.ndarray:
-        """Returns the (7) joint positions [rad] at a fraction of the motion, clamped to [0, 1].
-
-        The time-optimal trajectory is scaled linearly in time: replayed in ``k`` times its minimum duration, it has
-        1/k of its velocities and 1/k^2 of its accelerations.
-        """
-        motion = self.motion(kind, index, located)
-        return motion.trajectory.value(min(max(fraction, 0.0), 1.0) * motion.duration)[:, 0]
-
-    def velocity(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None = None) -> np.ndarray:
-        """Returns the (7) joint velocities [rad/s] at a fraction of the motion at full speed; zero outside [0, 1]."""
-        motion = self.motion(kind, index, located)
-        if not 0.0 <= fraction <= 1.0:
-            return np.zeros(NUM_ARM_JOINTS)
-        return motion.trajectory.EvalDerivative(fraction * motion.duration, 1)[:, 0]
-
-    def gripper_width(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None = None) -> float:
-        """Returns the desired width [m] between the fingers at a fraction of the motion, clamped to [0, 1]."""
-        motion = self.motion(kind, index, located)
-        time = min(max(fraction, 0.0), 1.0) * motion.duration
-        return float(np.interp(time, motion.width_times, motion.widths))
-
-    def minimum_duration(self, kind: ActionKind, index: int, located: np.ndarray | None = None) -> float:
-        """Returns the time [s] that the motion takes at full speed, gripper included."""
-        return self.motion(kind, index, located).duration
+    def minimum_duration(self, kind: ActionKind, index: int) -> float:
+        """[s] that a nominal motion takes at full speed, gripper included."""
+        return self._motions[kind, index].duration
 
     def __iter__(self) -> Iterator[tuple[ActionKind, int]]:
         return iter(self._motions)
@@ -227,10 +228,12 @@ _ARRAYS = ("times", "positions", "velocities", "width_times", "widths", "approac
 
 def _write(path: Path, motions: dict[tuple[ActionKind, int], Motion]) -> None:
     arrays = {
-        f"{kind}_{index}_{name}": getattr(motion, name)
-        for (kind, index), motion in motions.items()
-        for name in (*_ARRAYS, "offered")
+        f"{kind}_{index}_{name}": getattr(motion, name) for (kind, index), motion in motions.items() for name in _ARRAYS
     }
+    for (kind, index), motion in motions.items():
+        if motion.hand_over is not None:
+            h = motion.hand_over
+            arrays[f"{kind}_{index}_hand_over"] = np.array([h.offered, *h.p_WH, h.reach, h.speed, h.width])
     np.savez(path, **arrays)
 
 
@@ -238,13 +241,15 @@ def _read(path: Path, actions: Sequence[tuple[ActionKind, int]]) -> dict[tuple[A
     """Motions from the cache; None if they are not there, or the file is damaged."""
     try:
         with np.load(path, allow_pickle=False) as file:
-            return {
-                (kind, index): Motion(
-                    **{name: file[f"{kind}_{index}_{name}"] for name in _ARRAYS},
-                    offered=float(file[f"{kind}_{index}_offered"]),
-                )
-                for kind, index in actions
-            }
+            motions = {}
+            for kind, index in actions:
+                arrays = {name: file[f"{kind}_{index}_{name}"] for name in _ARRAYS}
+                hand_over = None
+                if f"{kind}_{index}_hand_over" in file:
+                    offered, x, y, z, reach, speed, width = file[f"{kind}_{index}_hand_over"].tolist()
+                    hand_over = HandOver(offered, np.array([x, y, z]), reach, speed, width)
+                motions[kind, index] = Motion(**arrays, hand_over=hand_over)
+            return motions
     except (OSError, KeyError, ValueError, EOFError, BadZipFile):
         return None
 
@@ -262,7 +267,7 @@ class _Planner:
 
     def plan(self, kind: ActionKind, index: int) -> Motion:
         """The motion of an action, for its component's nominal place."""
-        if kind in (ActionKind.ROBOT_TASK, ActionKind.PREPARE):
+        if kind in _FETCHING:
             return self.fetch(kind, index, None, None)
         if index == 1:
             side: dict[ActionKind, Callable[[], Motion]]
@@ -359,7 +364,15 @@ class _Planner:
         leg = self.legs.plan(f"joint action {index}", [prepared, end], load)
         chain.follow(leg)
         chain.wait(leg.times[-1] * (1 / OFFERED - 1))
-        return chain.finish(offered=leg.times[-1])
+        return chain.finish(
+            hand_over=HandOver(
+                offered=OFFERED,
+                p_WH=np.array(w.presentations[self._presentation(index)].hand),
+                reach=w.release_distance,
+                speed=w.gripper_speed,
+                width=w.gripper_open,
+            )
+        )
 
     def _leave_person(self, index: int) -> Motion:
         w = self.workcell
@@ -535,7 +548,7 @@ class _Chain:
         self._positions.append(positions)
         self._velocities.append(velocities)
 
-    def finish(self, *, offered: float = -1.0, approaches: Sequence[np.ndarray] = ()) -> Motion:
+    def finish(self, *, hand_over: HandOver | None = None, approaches: Sequence[np.ndarray] = ()) -> Motion:
         """The motion."""
         return Motion(
             np.concatenate(self._times),
@@ -543,6 +556,6 @@ class _Chain:
             np.concatenate(self._velocities),
             np.array(self._width_times),
             np.array(self._widths),
-            offered,
             np.array(approaches).reshape(-1, NUM_ARM_JOINTS),
+            hand_over,
         )

@@ -38,6 +38,7 @@ from pace_drake.task import NUM_ROBOT_DRAWS
 NUM_ARM_JOINTS = 7
 NUM_FINGERS = 2
 _STILL = ("sorting_table", "warehouse_table", "assembly_table", "chair_base", "pedestal")
+_AT_REST = 1e-3  # [m/s] slower than this something is let sleep
 _POSE = 7  # numbers of a pose: a quaternion and a position
 
 
@@ -192,6 +193,11 @@ class PlantStation(Diagram):
             plant.GetBodyByName(component.model, plant.GetModelInstanceByName(component.name))
             for component in self.components
         ]
+        # A free body has one joint, which Drake adds.
+        self._joints = [
+            plant.get_joint(*plant.GetJointIndices(plant.GetModelInstanceByName(component.name)))
+            for component in self.components
+        ]
         self._add_control(builder)
         self._add_outputs(builder)
         person = self._add_person(builder)
@@ -232,6 +238,28 @@ class PlantStation(Diagram):
         parameter = self._pile.GetMyContextFromRoot(context).get_numeric_parameter(0).value()
         pile = parameter.reshape(NUM_ROBOT_DRAWS, -1, 3)
         self._put(context, cube, pile[(sequence - 1) % NUM_ROBOT_DRAWS, cube])
+
+    def wake(self, context: Context, component: int | None) -> None:
+        """Lets what nobody handles sleep: it stays where it is, and costs the solver nothing.
+
+        Awake are the component that the robot handles, keys that the person has, and what still moves. Whatever sleeps
+        is still there to be touched, as if it were heavy, and is awake when it is handled.
+
+        Args:
+            context: the station's or the whole diagram's.
+            component: index of that which the robot begins to handle, or still does; None if there is none.
+        """
+        plant_context = self.plant.GetMyMutableContextFromRoot(context)
+        taken = self._grip.GetOutputPort("key_taken").Eval(self._grip.GetMyContextFromRoot(context))
+        for k, (body, joint) in enumerate(zip(self._bodies, self._joints, strict=True)):
+            key = k - (len(self.components) - len(taken))
+            if k == component or (key >= 0 and taken[key]):
+                if joint.is_locked(plant_context):
+                    joint.Unlock(plant_context)
+            elif not joint.is_locked(plant_context):
+                velocity = self.plant.EvalBodySpatialVelocityInWorld(plant_context, body)
+                if np.linalg.norm(velocity.translational()) < _AT_REST:
+                    joint.Lock(plant_context)
 
     def component_pose(self, context: Context, k: int) -> RigidTransform:
         """X_WO of a component."""
@@ -303,7 +331,9 @@ class PlantStation(Diagram):
             for component, body in zip(self.components, self._bodies, strict=True)
             if component.model == "allen_key"
         ]
-        grip = builder.AddSystem(HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance))
+        self._grip = grip = builder.AddSystem(
+            HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance)
+        )
         builder.ConnectInput("p_WH", grip.GetInputPort("p_WH"))
         for k, (component, _) in enumerate(keys):
             builder.Connect(self.plant.GetOutputPort(f"{component.name}_state"), grip.GetInputPort(f"key_{k + 1}"))

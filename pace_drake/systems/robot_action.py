@@ -64,33 +64,42 @@ class Pacing:
     """[s] of the path, passed at rate 1, that is put out."""
 
 
-class Motions(Protocol):
-    """Planned motions, as ``pace_drake.stations.motions.MotionLibrary`` offers them.
+class Motion(Protocol):
+    """As ``pace_drake.stations.motions.Motion``; a fraction is a share of the motion's time, clamped to [0, 1]."""
 
-    ``located`` (3) is where the component lies that the motion fetches: x [m], y [m], yaw [rad].
-    """
+    @property
+    def duration(self) -> float:
+        """[s] within the joint limits."""
+
+    @property
+    def hand_over(self) -> HandOver | None:
+        """How what is held out is let go; None where the gripper opens by the clock."""
+
+    def position(self, fraction: float) -> np.ndarray:
+        """(7) [rad] joint positions after ``fraction`` of the motion."""
+
+    def path_positions(self, fractions: np.ndarray) -> np.ndarray:
+        """(n, 7) [rad] joint positions after fractions (n) of the motion."""
+
+    def path_velocities(self, fractions: np.ndarray) -> np.ndarray:
+        """(n, 7) [rad/s] joint velocities there, played in ``duration``; 0 outside [0, 1]."""
+
+    def gripper_width(self, fraction: float) -> float:
+        """[m]."""
+
+
+class Motions(Protocol):
+    """Planned motions, as ``pace_drake.stations.motions.MotionLibrary`` offers them."""
 
     @property
     def home(self) -> np.ndarray:
-        """(7,) [rad] where robot tasks begin and end."""
+        """(7) [rad] where robot tasks begin and end."""
 
     def component(self, kind: ActionKind, index: int) -> int | None:
         """Which component the action fetches; None if none."""
 
-    def hand_over(self, kind: ActionKind, index: int) -> HandOver | None:
-        """How what is held out is let go; None where the gripper opens by the clock."""
-
-    def position(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> np.ndarray:
-        """(7,) [rad] joint positions after ``fraction`` of the motion."""
-
-    def velocity(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> np.ndarray:
-        """(7,) [rad/s] joint velocities after ``fraction`` of the motion, played in its minimum duration."""
-
-    def gripper_width(self, kind: ActionKind, index: int, fraction: float, located: np.ndarray | None) -> float:
-        """[m]."""
-
-    def minimum_duration(self, kind: ActionKind, index: int, located: np.ndarray | None) -> float:
-        """[s] within the joint limits."""
+    def motion(self, kind: ActionKind, index: int, located: np.ndarray | None = None) -> Motion:
+        """The motion of an action; ``located`` (3) is where what it fetches lies: x [m], y [m], yaw [rad]."""
 
 
 class RobotAction(LeafSystem):
@@ -210,7 +219,12 @@ class RobotAction(LeafSystem):
             place = NUM_ROBOT_DRAWS * self._m + group[kind] * self._joints + index - 1
         drawn = float(state[_DRAWN + place])
         # No motion is played faster than the arm's limits allow.
-        return drawn if self._motions is None else max(drawn, self._motions.minimum_duration(kind, index, located))
+        return drawn if self._motions is None else max(drawn, self._motions.motion(kind, index, located).duration)
+
+    def _motion(self, state: np.ndarray) -> Motion:
+        """The motion that runs or ran last."""
+        assert self._motions is not None
+        return self._motions.motion(ActionKind(int(state[_KIND])), int(state[_INDEX]), state[_LOCATED])
 
     # ---- the path's clock
 
@@ -248,11 +262,11 @@ class RobotAction(LeafSystem):
             return False
         if self._motions is None:
             return True
-        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
-        hand_over = self._motions.hand_over(kind, index)
+        motion = self._motion(state)
+        hand_over = motion.hand_over
         if hand_over is not None and self._opened(state, hand_over, context.get_time()) < hand_over.width:
             return False
-        target = self._motions.position(kind, index, 1.0, state[_LOCATED])
+        target = motion.position(1.0)
         return bool(np.max(np.abs(self._measured.Eval(context) - target)) <= self._tolerance)
 
     # ---- outputs
@@ -292,17 +306,15 @@ class RobotAction(LeafSystem):
         state = self._state(context)
         if state[_KIND] == ActionKind.NONE:
             return self._motions.home
-        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
-        return self._motions.position(kind, index, self._fraction(context), state[_LOCATED])
+        return self._motion(state).position(self._fraction(context))
 
     def _gripper(self, context: Context) -> float:
         assert self._motions is not None
         state = self._state(context)
-        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
-        if kind == ActionKind.NONE:
-            return self._motions.gripper_width(ActionKind.ROBOT_TASK, 1, 0.0, None)
-        width = self._motions.gripper_width(kind, index, self._fraction(context), state[_LOCATED])
-        hand_over = self._motions.hand_over(kind, index)
+        if state[_KIND] == ActionKind.NONE:
+            return self._motions.motion(ActionKind.ROBOT_TASK, 1).gripper_width(0.0)
+        motion = self._motion(state)
+        width, hand_over = motion.gripper_width(self._fraction(context)), motion.hand_over
         return width if hand_over is None else max(width, self._opened(state, hand_over, context.get_time()))
 
     @staticmethod
@@ -323,24 +335,17 @@ class RobotAction(LeafSystem):
         return (self._path_time(state, context.get_time())[0] + self._ahead) / state[_DURATION]
 
     def _path_position(self, context: Context) -> np.ndarray:
-        assert self._motions is not None
         state = self._state(context)
         if not state[_ACTIVE]:
             return np.tile(self._position(context), NUM_POSTURES)
-        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
-        located = state[_LOCATED]
-        return np.concatenate([self._motions.position(kind, index, f, located) for f in self._path_ahead(context)])
+        return self._motion(state).path_positions(self._path_ahead(context)).ravel()
 
     def _path_velocity(self, context: Context) -> np.ndarray:
-        assert self._motions is not None
         state = self._state(context)
         if not state[_ACTIVE]:
             return np.zeros(7 * NUM_POSTURES)
-        kind, index = ActionKind(int(state[_KIND])), int(state[_INDEX])
-        located = state[_LOCATED]
-        slower = self._motions.minimum_duration(kind, index, located) / state[_DURATION]
-        ahead = [self._motions.velocity(kind, index, f, located) for f in self._path_ahead(context)]
-        return slower * np.concatenate(ahead)
+        motion = self._motion(state)
+        return (motion.duration / state[_DURATION] * motion.path_velocities(self._path_ahead(context))).ravel()
 
     # ---- update
 
@@ -387,6 +392,11 @@ class RobotAction(LeafSystem):
             x[_DURATION] = self._drawn_duration(before, kind, int(index), int(sequence), located)
         x[_SEQUENCE], x[_SINCE], x[_AIM], x[_ACTIVE], x[_HELD] = sequence, time, aim, 1.0, 0.0
 
+    @staticmethod
+    def clock_time(context: Context) -> float:
+        """[s] when the path's clock was last set: a motion began, or its pace was changed."""
+        return context.get_discrete_state_vector().GetAtIndex(_SINCE)
+
     def begins(self, context: Context) -> tuple[ActionKind, int, int] | None:
         """(kind, index, sequence) of the motion that an update now would begin anew; None if it would not."""
         kind, index, sequence = (int(value) for value in self._command.Eval(context))
@@ -409,11 +419,10 @@ class RobotAction(LeafSystem):
 
     def _watch_hand(self, context: Context, values: DiscreteValues) -> None:
         """Lets go of what the person has."""
-        assert self._motions is not None
         state = self._state(context)
         if state[_KIND] != ActionKind.JOINT or not state[_ACTIVE] or state[_HELD] or state[_RELEASED] >= 0:
             return
-        hand_over = self._motions.hand_over(ActionKind.JOINT, int(state[_INDEX]))
+        hand_over = self._motion(state).hand_over
         if hand_over is None or self._fraction(context) < hand_over.offered:
             return
         if np.linalg.norm(self._hand.Eval(context) - hand_over.p_WH) <= hand_over.reach:

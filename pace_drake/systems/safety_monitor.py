@@ -1,5 +1,7 @@
 """SafetyMonitor: keeps the arm away from the person's hand by slowing it down on its path (docs/safety.md)."""
 
+from math import isfinite
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
@@ -115,11 +117,16 @@ class SafetyMonitor(LeafSystem):
     def _unseen(self, context: Context) -> bool:
         """Whether the hand or the arm is not seen."""
         age = self._hand_age.Eval(context)[0] if self._hand_age.HasValue(context) else 0.0
-        values = np.concatenate([self._p_WH.Eval(context), self._measured.Eval(context)])
-        return not (np.all(np.isfinite(values)) and age <= self._config.hand_timeout)
+        total = float(self._p_WH.Eval(context).sum() + self._measured.Eval(context).sum())
+        return not (isfinite(total) and age <= self._config.hand_timeout)
+
+    @staticmethod
+    def latched(context: Context) -> bool:
+        """Whether the stop has latched; once it has, ``stop`` is on until the operator's ``ack``."""
+        return bool(context.get_discrete_state_vector().GetAtIndex(0))
 
     def _latched(self, context: Context) -> bool:
-        return bool(context.get_discrete_state_vector().value()[0]) or self._unseen(context)
+        return self.latched(context) or self._unseen(context)
 
     def _speed_scale(self, context: Context) -> float:
         return 0.0 if self._latched(context) else self._find(context)[_RATE]

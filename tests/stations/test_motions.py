@@ -69,7 +69,9 @@ def test_the_end_of_one_motion_is_the_start_of_the_next(library):
         np.testing.assert_allclose(start(ActionKind.HOME, index)[:7], end(ActionKind.JOINT, index)[:7], atol=1e-9)
         # A key is let go when the person has it, and the gripper opens by itself then.
         opened = (
-            Workcell().gripper_open if library.hand_over(ActionKind.JOINT, index) else end(ActionKind.JOINT, index)[7]
+            Workcell().gripper_open
+            if library.motion(ActionKind.JOINT, index).hand_over
+            else end(ActionKind.JOINT, index)[7]
         )
         assert start(ActionKind.HOME, index)[7] == opened
         np.testing.assert_allclose(end(ActionKind.HOME, index), home, atol=1e-9)
