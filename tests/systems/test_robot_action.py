@@ -520,6 +520,7 @@ def test_nothing_is_let_go_before_it_is_held_out(offering, duration):
     offering.look(0.499 * duration)
     assert offering.out("gripper_position", 0.499 * duration + 1.0) == CLOSED
     offering.look(0.501 * duration)
+    offering.look(0.501 * duration + 0.3)  # the hand is still there: it does not begin again
     assert offering.out("gripper_position", 0.501 * duration + 0.5) == pytest.approx(0.05)
     # Opened long before the end of its time: done at the end.
     assert offering.out("motion_done", duration - 1e-6) == 0
