@@ -27,6 +27,7 @@ def balls():
     for body in bodies:
         friction = CoulombFriction(0.5, 0.5)
         plant.RegisterCollisionGeometry(body, RigidTransform(), Sphere(RADIUS), body.name(), friction)
+    plant.SetUseSampledOutputPorts(False)  # contacts at the present positions, without a step
     plant.Finalize()
     dut = builder.AddSystem(ContactMonitor(plant))
     builder.Connect(plant.get_contact_results_output_port(), dut.get_input_port())
