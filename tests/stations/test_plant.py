@@ -247,9 +247,14 @@ def test_a_cube_is_put_back_when_it_is_out_of_the_pile_and_only_then(station, si
     np.testing.assert_array_equal(poses(station, context), before)  # it lies in the pile
     tray = Workcell().trays[0].translation
     put(station, context, CUBE, RigidTransform([tray[0], tray[1], 0.026]))
-    station.refill(context, CUBE, 3)
+    plant = station.plant
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    cube = plant.GetBodyByName("cube", plant.GetModelInstanceByName("cube_1"))
+    plant.SetFreeBodySpatialVelocity(plant_context, cube, SpatialVelocity([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    station.refill(context, CUBE, 203)
     after = poses(station, context)
-    np.testing.assert_allclose(flat(station.component_pose(context, CUBE)), LAYOUT.pile[2, CUBE], atol=1e-12)
+    np.testing.assert_allclose(flat(station.component_pose(context, CUBE)), LAYOUT.pile[202, CUBE], atol=1e-12)
+    assert not np.any(plant.EvalBodySpatialVelocityInWorld(plant_context, cube).get_coeffs())  # it is laid down
     np.testing.assert_array_equal(np.delete(after, CUBE, 0), np.delete(before, CUBE, 0))  # no other is touched
     put(station, context, CUBE, RigidTransform([*LAYOUT.located[CUBE, :2], 0.2]))  # over the pile, but not in it
     station.refill(context, CUBE, NUM_ROBOT_DRAWS + 5)
