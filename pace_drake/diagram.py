@@ -291,24 +291,16 @@ class Assembly(Diagram):
         assert isinstance(self.station, PlantStation)
         self.station.set_layout(context, layout)
 
-    def attend_plant(self, context: Context) -> None:
-        """What happens around the robot when an update of ``robot_action`` now would begin a motion: the cube that it
-        fetches is put back into the pile, if it is not there, and what it does not handle is let sleep.
-        """
+    def refill_pile(self, context: Context) -> None:
+        """Puts the cube that an update of ``robot_action`` now would fetch back into the pile, if it is not there."""
         if not isinstance(self.station, PlantStation):
             return
         begins = self.robot_action.begins(self.robot_action.GetMyContextFromRoot(context))
-        if begins is None:
-            return
-        kind, index, sequence = begins
-        workcell = self.scenario.workcell
-        if kind == ActionKind.ROBOT_TASK:
-            handled = component_index(workcell, kind, index)
-            assert handled is not None
-            self.station.refill(context, handled, sequence)
-        else:
-            handled = component_index(workcell, ActionKind.PREPARE, index)
-        self.station.wake(context, handled)
+        if begins is not None and begins[0] == ActionKind.ROBOT_TASK:
+            kind, index, sequence = begins
+            cube = component_index(self.scenario.workcell, kind, index)
+            assert cube is not None
+            self.station.refill(context, cube, sequence)
 
     def _add_safety(
         self,

@@ -182,7 +182,8 @@ class _Run:
             for number in range(self.episodes):
                 recording = number == 0 and self.meshcat is not None
                 if recording:
-                    self.meshcat.StartRecording(frames_per_second=16, set_visualizations_while_recording=True)  # type: ignore[attr-defined]
+                    seen = self.live is not None
+                    self.meshcat.StartRecording(16.0, set_visualizations_while_recording=seen)  # type: ignore[attr-defined]
 
                 def write(time: float, kind: str, episode: int = number, **values) -> None:
                     log.write(episode, time, kind, **values)

@@ -32,7 +32,7 @@ from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
 _HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
-_FETCHING = (ActionKind.ROBOT_TASK, ActionKind.PREPARE)
+_FETCHING = frozenset((ActionKind.ROBOT_TASK, ActionKind.PREPARE))
 _NUM_KEPT = 512  # located motions in memory
 _PLANS = 1  # version of what is written to the cache
 

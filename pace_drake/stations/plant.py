@@ -20,7 +20,13 @@ from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelD
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import PdControllerGains, RigidBody
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInterpolatorWithDiscreteDerivative
+from pydrake.systems.primitives import (
+    Gain,
+    MatrixGain,
+    Multiplexer,
+    StateInterpolatorWithDiscreteDerivative,
+    ZeroOrderHold,
+)
 
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
@@ -38,7 +44,7 @@ from pace_drake.task import NUM_ROBOT_DRAWS
 NUM_ARM_JOINTS = 7
 NUM_FINGERS = 2
 _STILL = ("sorting_table", "warehouse_table", "assembly_table", "chair_base", "pedestal")
-_AT_REST = 1e-3  # [m/s] slower than this something is let sleep
+_SEEN_PERIOD = 0.02  # [s] between two poses of the person, as they are seen
 _POSE = 7  # numbers of a pose: a quaternion and a position
 
 
@@ -134,8 +140,8 @@ class PlantStation(Diagram):
         panda.position (7) [rad]: desired joint positions. Continuous in time; the desired velocity is its difference
             over one time step.
         gripper.position (1) [m]: desired width between the fingers.
-        p_WH (3) [m]: the person's right hand. Kinematic: it is seen, and found by distance queries, and pushes nothing,
-            but it takes a key that is held out to it (``HumanGrip``).
+        p_WH (3) [m]: the person's right hand. Kinematic: it is seen (50 times a second), found by distance queries, and
+            pushes nothing, but it takes a key that is held out to it (``HumanGrip``).
 
     Outputs:
         panda.position_measured (7) [rad]
@@ -171,6 +177,8 @@ class PlantStation(Diagram):
                 time_step=workcell.time_step,
                 contact_model="point",
                 discrete_contact_approximation="sap",
+                # Sampled outputs need an unrestricted update, which has every system of the diagram computed anew.
+                use_sampled_output_ports=False,
                 # At Drake's 1.0 a gripped thing sinks millimetres into the fingers; at 0.1 it is kicked when let go.
                 sap_near_rigid_threshold=0.3,
             ),
@@ -191,11 +199,6 @@ class PlantStation(Diagram):
         plant.SetDefaultPositions(panda, np.concatenate([position, [finger] * NUM_FINGERS]))
         self._bodies = [
             plant.GetBodyByName(component.model, plant.GetModelInstanceByName(component.name))
-            for component in self.components
-        ]
-        # A free body has one joint, which Drake adds.
-        self._joints = [
-            plant.get_joint(*plant.GetJointIndices(plant.GetModelInstanceByName(component.name)))
             for component in self.components
         ]
         self._add_control(builder)
@@ -238,28 +241,6 @@ class PlantStation(Diagram):
         parameter = self._pile.GetMyContextFromRoot(context).get_numeric_parameter(0).value()
         pile = parameter.reshape(NUM_ROBOT_DRAWS, -1, 3)
         self._put(context, cube, pile[(sequence - 1) % NUM_ROBOT_DRAWS, cube])
-
-    def wake(self, context: Context, component: int | None) -> None:
-        """Lets what nobody handles sleep: it stays where it is, and costs the solver nothing.
-
-        Awake are the component that the robot handles, keys that the person has, and what still moves. Whatever sleeps
-        is still there to be touched, as if it were heavy, and is awake when it is handled.
-
-        Args:
-            context: the station's or the whole diagram's.
-            component: index of that which the robot begins to handle, or still does; None if there is none.
-        """
-        plant_context = self.plant.GetMyMutableContextFromRoot(context)
-        taken = self._grip.GetOutputPort("key_taken").Eval(self._grip.GetMyContextFromRoot(context))
-        for k, (body, joint) in enumerate(zip(self._bodies, self._joints, strict=True)):
-            key = k - (len(self.components) - len(taken))
-            if k == component or (key >= 0 and taken[key]):
-                if joint.is_locked(plant_context):
-                    joint.Unlock(plant_context)
-            elif not joint.is_locked(plant_context):
-                velocity = self.plant.EvalBodySpatialVelocityInWorld(plant_context, body)
-                if np.linalg.norm(velocity.translational()) < _AT_REST:
-                    joint.Lock(plant_context)
 
     def component_pose(self, context: Context, k: int) -> RigidTransform:
         """X_WO of a component."""
@@ -324,16 +305,17 @@ class PlantStation(Diagram):
 
     def _add_person(self, builder: DiagramBuilder) -> Person:
         person = builder.AddNamedSystem("person", Person(self.scene_graph))
-        builder.ExportInput(person.GetInputPort("p_WH"), "p_WH")
+        # The plant asks for the poses of all geometry at every step; the person's matter to eyes alone.
+        seen = builder.AddNamedSystem("p_WH_seen", ZeroOrderHold(_SEEN_PERIOD, 3))
+        builder.ExportInput(seen.get_input_port(), "p_WH")
+        builder.Connect(seen.get_output_port(), person.GetInputPort("p_WH"))
         builder.Connect(person.get_output_port(), self.scene_graph.get_source_pose_port(person.source_id))
         keys = [
             (component, body)
             for component, body in zip(self.components, self._bodies, strict=True)
             if component.model == "allen_key"
         ]
-        self._grip = grip = builder.AddSystem(
-            HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance)
-        )
+        grip = builder.AddSystem(HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance))
         builder.ConnectInput("p_WH", grip.GetInputPort("p_WH"))
         for k, (component, _) in enumerate(keys):
             builder.Connect(self.plant.GetOutputPort(f"{component.name}_state"), grip.GetInputPort(f"key_{k + 1}"))
