@@ -25,7 +25,6 @@ from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
     StateInterpolatorWithDiscreteDerivative,
-    ZeroOrderHold,
 )
 
 from pace_drake.errors import InputError
@@ -44,7 +43,6 @@ from pace_drake.task import NUM_ROBOT_DRAWS
 NUM_ARM_JOINTS = 7
 NUM_FINGERS = 2
 _STILL = ("sorting_table", "warehouse_table", "assembly_table", "chair_base", "pedestal")
-_SEEN_PERIOD = 0.02  # [s] between two poses of the person, as they are seen
 _POSE = 7  # numbers of a pose: a quaternion and a position
 
 
@@ -140,8 +138,8 @@ class PlantStation(Diagram):
         panda.position (7) [rad]: desired joint positions. Continuous in time; the desired velocity is its difference
             over one time step.
         gripper.position (1) [m]: desired width between the fingers.
-        p_WH (3) [m]: the person's right hand. Kinematic: it is seen (50 times a second), found by distance queries, and
-            pushes nothing, but it takes a key that is held out to it (``HumanGrip``).
+        p_WH (3) [m]: the person's right hand. Kinematic: it is seen, and found by distance queries, and pushes nothing,
+            but it takes a key that is held out to it (``HumanGrip``).
 
     Outputs:
         panda.position_measured (7) [rad]
@@ -153,7 +151,7 @@ class PlantStation(Diagram):
         key_taken: see ``HumanGrip``.
         contact (2): see ``ContactMonitor``.
         contact_results: Drake's ContactResults.
-        query_object: Drake's QueryObject of the SceneGraph.
+        query_object: Drake's QueryObject of everything that is seen, the person included.
         sorting_camera.color_image, sorting_camera.depth_image, ...: only with cameras; see ``add_cameras``.
 
     State: that of the discrete MultibodyPlant (time step ``workcell.time_step``), which starts at rest with the
@@ -163,7 +161,8 @@ class PlantStation(Diagram):
 
     Attributes:
         workcell: what it was made from.
-        plant, scene_graph: Drake's.
+        plant: Drake's.
+        scene_graph: what touches; ``seen_scene`` has everything that is seen, too.
         components: what the robot can fetch.
     """
 
@@ -203,18 +202,23 @@ class PlantStation(Diagram):
         ]
         self._add_control(builder)
         self._add_outputs(builder)
-        person = self._add_person(builder)
+        # What is only seen stands in a scene of its own, the person in no other, which is updated when somebody looks:
+        # the plant asks its own for all poses at every step.
+        seen = builder.AddNamedSystem("seen_scene", scene_graph.Clone())
+        builder.Connect(plant.get_geometry_pose_output_port(), seen.get_source_pose_port(plant.get_source_id()))
+        inspector = scene_graph.model_inspector()
+        for geometry in inspector.GetAllGeometryIds():
+            if inspector.GetProximityProperties(geometry) is None:
+                scene_graph.RemoveGeometry(plant.get_source_id(), geometry)
+        self._add_person(builder, seen)
+        builder.ExportOutput(seen.get_query_output_port(), "query_object")
         if cameras:
-            sources = {
-                plant.get_source_id(): plant.get_geometry_pose_output_port(),
-                person.source_id: person.get_output_port(),
-            }
-            add_cameras(builder, scene_graph, sources, workcell.cameras)
+            add_cameras(builder, seen, workcell.cameras)
         self._pile = builder.AddNamedSystem("pile", _Pile(nominal_layout(workcell)))
         if meshcat is not None:
             # As fast as a replay is recorded: every picture costs as much as a step of the plant.
             pictures = MeshcatVisualizerParams(publish_period=1 / 16)
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, pictures)
+            MeshcatVisualizer.AddToBuilder(builder, seen, meshcat, pictures)
         builder.BuildInto(self)
         self.set_name("station")
 
@@ -301,15 +305,11 @@ class PlantStation(Diagram):
         builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
         builder.ExportOutput(contact.get_output_port(), "contact")
         builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
-        builder.ExportOutput(self.scene_graph.get_query_output_port(), "query_object")
 
-    def _add_person(self, builder: DiagramBuilder) -> Person:
-        person = builder.AddNamedSystem("person", Person(self.scene_graph))
-        # The plant asks for the poses of all geometry at every step; the person's matter to eyes alone.
-        seen = builder.AddNamedSystem("p_WH_seen", ZeroOrderHold(_SEEN_PERIOD, 3))
-        builder.ExportInput(seen.get_input_port(), "p_WH")
-        builder.Connect(seen.get_output_port(), person.GetInputPort("p_WH"))
-        builder.Connect(person.get_output_port(), self.scene_graph.get_source_pose_port(person.source_id))
+    def _add_person(self, builder: DiagramBuilder, seen: SceneGraph) -> None:
+        person = builder.AddNamedSystem("person", Person(seen))
+        builder.ExportInput(person.GetInputPort("p_WH"), "p_WH")
+        builder.Connect(person.get_output_port(), seen.get_source_pose_port(person.source_id))
         keys = [
             (component, body)
             for component, body in zip(self.components, self._bodies, strict=True)
@@ -321,7 +321,6 @@ class PlantStation(Diagram):
             builder.Connect(self.plant.GetOutputPort(f"{component.name}_state"), grip.GetInputPort(f"key_{k + 1}"))
         builder.Connect(grip.GetOutputPort("applied_spatial_force"), self.plant.get_applied_spatial_force_input_port())
         builder.ExportOutput(grip.GetOutputPort("key_taken"), "key_taken")
-        return person
 
 
 class _Pile(LeafSystem):
