@@ -3,14 +3,19 @@
 import numpy as np
 import pytest
 from pydrake.geometry import Role
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import Simulator
 
 from pace_drake.errors import InputError
+from pace_drake.stations.components import flat
+from pace_drake.stations.human_grip import HumanGrip
+from pace_drake.stations.layout import nominal_layout, sample_layout
 from pace_drake.stations.motions import plan_motions
 from pace_drake.stations.person import FOREARM, P_TRUNK_SHOULDER, UPPER_ARM
 from pace_drake.stations.plant import make_plant_station
 from pace_drake.stations.workcell import Workcell
-from pace_drake.task import ActionKind
+from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind
 
 HAND = np.array([0.9, 0.0, 0.15])
 
@@ -195,3 +200,224 @@ def test_the_person_holds_together(station, simulator):
 def test_initial_position_must_be_seven_numbers():
     with pytest.raises(InputError, match="initial_position: must be 7 finite numbers"):
         make_plant_station(Workcell(), initial_position=np.zeros(6))
+
+
+# ---- where components lie
+
+CUBE, KEY = 0, 5  # of the components
+LAYOUT = sample_layout(Workcell(), np.random.default_rng(0))
+
+
+def poses(station, context) -> np.ndarray:
+    """(7, 4, 4) X_WO of every component."""
+    return np.array([station.component_pose(context, k).GetAsMatrix4() for k in range(len(station.components))])
+
+
+def put(station, context, k, X_WO):
+    """Moves a component, as a hand of the test, and lets it go there at rest."""
+    plant = station.plant
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    component = station.components[k]
+    body = plant.GetBodyByName(component.model, plant.GetModelInstanceByName(component.name))
+    plant.SetFloatingBaseBodyPoseInWorldFrame(plant_context, body, X_WO)
+    plant.SetFreeBodySpatialVelocity(plant_context, body, SpatialVelocity.Zero())
+
+
+def test_components_begin_where_the_layout_puts_them_and_rest_there(station, simulator):
+    context = simulator.get_mutable_context()
+    nominal = nominal_layout(Workcell())
+    for k, located in enumerate(nominal.located):
+        np.testing.assert_allclose(flat(station.component_pose(context, k)), located, atol=1e-12)
+    station.set_layout(context, LAYOUT)
+    simulator.AdvanceTo(0.3)
+    output = station.GetOutputPort("component_poses").Eval(context).reshape(-1, 7)
+    for k, located in enumerate(LAYOUT.located):
+        X_WO = station.component_pose(context, k)
+        np.testing.assert_allclose(flat(X_WO), located, atol=1e-3)
+        assert abs(X_WO.translation()[2] - station.components[k].nominal.translation[2]) < 1e-3
+        np.testing.assert_allclose(output[k, 4:], X_WO.translation(), atol=1e-12)
+        np.testing.assert_allclose(output[k, :4], X_WO.rotation().ToQuaternion().wxyz(), atol=1e-12)
+
+
+def test_a_cube_is_put_back_when_it_is_out_of_the_pile_and_only_then(station, simulator):
+    context = simulator.get_mutable_context()
+    station.set_layout(context, LAYOUT)
+    before = poses(station, context)
+    station.refill(context, CUBE, 3)
+    np.testing.assert_array_equal(poses(station, context), before)  # it lies in the pile
+    tray = Workcell().trays[0].translation
+    put(station, context, CUBE, RigidTransform([tray[0], tray[1], 0.026]))
+    plant = station.plant
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    cube = plant.GetBodyByName("cube", plant.GetModelInstanceByName("cube_1"))
+    plant.SetFreeBodySpatialVelocity(plant_context, cube, SpatialVelocity([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    station.refill(context, CUBE, 203)
+    after = poses(station, context)
+    np.testing.assert_allclose(flat(station.component_pose(context, CUBE)), LAYOUT.pile[202, CUBE], atol=1e-12)
+    assert not np.any(plant.EvalBodySpatialVelocityInWorld(plant_context, cube).get_coeffs())  # it is laid down
+    np.testing.assert_array_equal(np.delete(after, CUBE, 0), np.delete(before, CUBE, 0))  # no other is touched
+    put(station, context, CUBE, RigidTransform([*LAYOUT.located[CUBE, :2], 0.2]))  # over the pile, but not in it
+    station.refill(context, CUBE, NUM_ROBOT_DRAWS + 5)
+    np.testing.assert_allclose(flat(station.component_pose(context, CUBE)), LAYOUT.pile[4, CUBE], atol=1e-12)
+    assert station.component_pose(context, CUBE).translation()[2] == Workcell().cubes[CUBE].translation[2]
+
+
+def test_the_pile_is_the_episode_s(station, simulator):
+    """Another layout in the same context gives another place."""
+    context = simulator.get_mutable_context()
+    found = []
+    for layout in (LAYOUT, sample_layout(Workcell(), np.random.default_rng(1)), nominal_layout(Workcell())):
+        station.set_layout(context, layout)
+        put(station, context, CUBE, RigidTransform([0.6, -0.4, 0.1]))
+        station.refill(context, CUBE, 1)
+        found.append(flat(station.component_pose(context, CUBE)))
+        np.testing.assert_allclose(found[-1], layout.pile[0, CUBE], atol=1e-12)
+    assert not np.allclose(found[0], found[1], atol=1e-4)
+
+
+# ---- sleep
+
+
+def test_what_sleeps_stays_exactly_put_and_wakes_when_it_is_handled(station, simulator):
+    context = simulator.get_mutable_context()
+    station.set_layout(context, LAYOUT)
+    simulator.AdvanceTo(0.3)  # all rest
+    station.wake(context, None)
+    asleep = poses(station, context)
+    simulator.AdvanceTo(0.6)
+    np.testing.assert_array_equal(poses(station, context), asleep)
+    # It would fall if it were awake: put into the air it does not, until it is handled.
+    high = {k: RigidTransform([*asleep[k, :2, 3], 0.1]) for k in (CUBE, CUBE + 1)}
+    for k, X_WO in high.items():
+        put(station, context, k, X_WO)
+    simulator.AdvanceTo(0.7)
+    assert all(station.component_pose(context, k).translation()[2] == 0.1 for k in high)
+    station.wake(context, CUBE)
+    simulator.AdvanceTo(0.9)
+    assert station.component_pose(context, CUBE).translation()[2] < 0.03
+    assert station.component_pose(context, CUBE + 1).translation()[2] == 0.1
+    np.testing.assert_array_equal(poses(station, context)[2:], asleep[2:])
+
+
+def test_a_sleeping_component_can_still_be_touched(station, simulator):
+    """A cube set down on a sleeping one is borne by it."""
+    context = simulator.get_mutable_context()
+    simulator.AdvanceTo(0.3)
+    station.wake(context, CUBE)
+    below = station.component_pose(context, CUBE + 1).translation()
+    put(station, context, CUBE, RigidTransform([below[0], below[1], below[2] + 0.0405]))
+    simulator.AdvanceTo(0.5)
+    assert station.component_pose(context, CUBE).translation()[2] == pytest.approx(below[2] + 0.04, abs=2e-3)
+    np.testing.assert_array_equal(station.component_pose(context, CUBE + 1).translation(), below)
+
+
+def test_what_moves_is_not_put_to_sleep(station, simulator):
+    context = simulator.get_mutable_context()
+    put(station, context, CUBE, RigidTransform([0.6, -0.4, 0.4]))
+    simulator.AdvanceTo(0.1)  # it falls
+    falling = station.component_pose(context, CUBE).translation()[2]
+    assert 0.3 < falling < 0.39
+    station.wake(context, None)
+    simulator.AdvanceTo(0.2)
+    assert station.component_pose(context, CUBE).translation()[2] < falling - 0.05
+
+
+# ---- keys in the person's hand
+
+
+def offered_key(station, context):
+    """A key between the fingers of the arm at home, its handle where it is gripped."""
+    grasp = station.components[KEY].grasp
+    X_WG = station.plant.GetFrameByName("panda_hand_tcp").CalcPoseInWorld(station.plant.GetMyContextFromRoot(context))
+    X_WO = X_WG @ grasp.X_OG(grasp.yaws[0]).inverse()
+    put(station, context, KEY, X_WO)
+    return X_WO
+
+
+def let_go(station, simulator, hand_comes):
+    """Height [m] and distance from the hand [m] of a key's short end after the gripper has let go of it."""
+    context = simulator.get_mutable_context()
+    X_WO = offered_key(station, context)
+    station.GetInputPort("gripper.position").FixValue(context, [0.008])
+    simulator.AdvanceTo(0.3)
+    held = station.component_pose(context, KEY)
+    assert np.linalg.norm(held.translation() - X_WO.translation()) < 0.015  # the gripper has it
+    p_WH = held @ HumanGrip.p_OEnd + [0.0, 0.0, 0.02]
+    if hand_comes:
+        station.GetInputPort("p_WH").FixValue(context, p_WH)
+    simulator.AdvanceTo(0.4)
+    taken = station.GetOutputPort("key_taken").Eval(context).tolist()
+    assert taken == ([1, 0] if hand_comes else [0, 0])
+    station.GetInputPort("gripper.position").FixValue(context, [0.06])
+    simulator.AdvanceTo(0.9)
+    p_WEnd = station.component_pose(context, KEY) @ HumanGrip.p_OEnd
+    return p_WEnd[2], np.linalg.norm(p_WEnd - p_WH)
+
+
+def test_a_key_let_go_while_the_hand_has_it_does_not_fall(station, simulator):
+    height, distance = let_go(station, simulator, hand_comes=True)
+    assert height > 0.35
+    assert distance < 0.02
+
+
+def test_a_key_let_go_without_a_hand_falls(station, simulator):
+    height, _ = let_go(station, simulator, hand_comes=False)
+    assert height < 0.3
+
+
+def test_a_key_in_the_hand_never_sleeps_and_follows_it(station, simulator):
+    context = simulator.get_mutable_context()
+    X_WO = RigidTransform([0.9, 0.0, 0.4])
+    put(station, context, KEY, X_WO)
+    station.GetInputPort("p_WH").FixValue(context, X_WO @ HumanGrip.p_OEnd)
+    simulator.AdvanceTo(0.2)
+    put(station, context, KEY, station.component_pose(context, KEY))  # stopped for an instant
+    station.wake(context, None)
+    p_WH = X_WO @ HumanGrip.p_OEnd + [0.1, 0.05, 0.0]
+    station.GetInputPort("p_WH").FixValue(context, p_WH)
+    simulator.AdvanceTo(0.8)
+    assert np.linalg.norm(station.component_pose(context, KEY) @ HumanGrip.p_OEnd - p_WH) < 0.03
+
+
+def test_the_default_context_forgets_all_of_an_episode(station):
+    """Keys taken, sleep, layout and the pile: what follows is that of a fresh context, bit for bit."""
+
+    def play(simulator):
+        context = simulator.get_mutable_context()
+        found = []
+        for time in (0.1, 0.2, 0.3):
+            simulator.AdvanceTo(time)
+            found.append(station.plant.get_state_output_port().Eval(station.plant.GetMyContextFromRoot(context)).copy())
+        station.refill(context, CUBE, 1)
+        put(station, context, CUBE + 1, RigidTransform([0.6, -0.4, 0.1]))
+        station.refill(context, CUBE + 1, 7)
+        simulator.AdvanceTo(0.4)
+        found.append(station.plant.get_state_output_port().Eval(station.plant.GetMyContextFromRoot(context)).copy())
+        return found, station.GetOutputPort("key_taken").Eval(context).copy()
+
+    def fixed(simulator):
+        context = simulator.get_mutable_context()
+        station.GetInputPort("panda.position").FixValue(context, Workcell().home)
+        station.GetInputPort("gripper.position").FixValue(context, [Workcell().gripper_open])
+        station.GetInputPort("p_WH").FixValue(context, HAND)
+        simulator.Initialize()
+        return simulator
+
+    fresh, _ = play(fixed(Simulator(station)))
+    used = fixed(Simulator(station))
+    context = used.get_mutable_context()
+    station.set_layout(context, LAYOUT)
+    X_WO = RigidTransform([0.9, 0.0, 0.4])
+    put(station, context, KEY, X_WO)
+    station.GetInputPort("p_WH").FixValue(context, X_WO @ HumanGrip.p_OEnd)
+    station.GetInputPort("panda.position").FixValue(context, np.add(Workcell().home, 0.05))
+    used.AdvanceTo(0.3)
+    station.wake(context, CUBE)
+    used.AdvanceTo(0.4)
+    assert station.GetOutputPort("key_taken").Eval(context)[0] == 1
+    station.SetDefaultContext(context)
+    context.SetTime(0.0)
+    again, taken = play(fixed(used))
+    assert not np.any(taken)
+    for expected, state in zip(fresh, again, strict=True):
+        np.testing.assert_array_equal(state, expected)

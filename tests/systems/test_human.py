@@ -98,3 +98,73 @@ def test_progress(dut, context):
     for time, progress in ((5.0, 0.5), (12.5, 0.5), (16.0, 1.0)):
         context.SetTime(time)
         assert dut.progress(context) == pytest.approx(progress)
+
+
+# ---- places of the hand in joint actions
+
+GRIP = np.array([0.7, 0.1, 0.4])
+PLACED = np.array([0.8, -0.2, 0.2])
+
+
+@pytest.fixture(scope="module")
+def with_paths():
+    """Joint c takes the hand to two places; joint e keeps it at one from half of its time to four fifths."""
+    return Human(
+        five_actions(),
+        [[demonstration("a"), demonstration("a", 5.0)], [demonstration("b")], [], [demonstration("d", 2.0)], []],
+        [[(0.35, GRIP), (0.8, PLACED)], [(0.5, GRIP), (0.8, GRIP)]],
+    )
+
+
+@pytest.fixture
+def both_joints(with_paths):
+    """Joint c (4 s) begins at 20 s, d follows at 24 s, joint e (3 s) begins at 30 s and is the last."""
+    context = with_paths.CreateDefaultContext()
+    none = np.zeros(0)
+    with_paths.set_episode(
+        context, Episode(np.array([10.0, 5, 4, 2, 3]), np.array([1, 0, -1, 0, -1]), none, none, none)
+    )
+    ready(with_paths, context, 20.0, 1)
+    first = context.Clone()
+    ready(with_paths, context, 30.0, 2)
+    return first, context
+
+
+def test_in_a_joint_action_the_hand_is_at_its_places_at_their_shares_of_the_time(with_paths, both_joints):
+    first, last = both_joints
+    for time, place in ((20.0, PATH[-1]), (21.4, GRIP), (23.2, PLACED), (24.0 - 1e-9, PATH[0] + 2.0)):
+        np.testing.assert_allclose(out(with_paths, first, "p_WH", time), place, atol=1e-6)
+    np.testing.assert_allclose(out(with_paths, first, "p_WH", 22.3), (GRIP + PLACED) / 2)  # halfway in time
+    for time, place in ((30.0, PATH[-1] + 2.0), (31.5, GRIP), (32.0, GRIP), (32.4, GRIP)):
+        np.testing.assert_allclose(out(with_paths, last, "p_WH", time), place, atol=1e-6)
+
+
+def test_after_the_last_joint_action_the_hand_rests_where_that_left_it(with_paths, both_joints):
+    _, last = both_joints
+    for time in (32.7, 33.0 - 1e-9):
+        np.testing.assert_allclose(out(with_paths, last, "p_WH", time), GRIP, atol=1e-9)
+
+
+def test_the_hand_never_jumps_in_a_joint_action(with_paths, both_joints):
+    first, _ = both_joints
+    times = np.arange(20.0, 24.2, 0.005)
+    p_WH = np.array([out(with_paths, first, "p_WH", time) for time in times])
+    speed = np.linalg.norm(np.diff(p_WH, axis=0), axis=1) / 0.005
+    legs = np.diff([PATH[-1], GRIP, PLACED, PATH[0] + 2.0], axis=0)
+    mean = np.linalg.norm(legs, axis=1) / (4.0 * np.diff([0.0, 0.35, 0.8, 1.0]))
+    assert np.max(speed) < 15 / 8 * np.max(mean) + 1e-3  # as fast as a minimum jerk gets
+    for place in (GRIP, PLACED):  # at a place it is at rest
+        assert speed[np.argmin(np.linalg.norm(p_WH[:-1] - place, axis=1))] < 0.02
+
+
+def test_without_places_the_hand_goes_straight_on(dut, context):
+    ready(dut, context, 20.0, 1)
+    straight = Human(
+        five_actions(),
+        [[demonstration("a"), demonstration("a", 5.0)], [demonstration("b")], [], [demonstration("d", 2.0)], []],
+        [[], []],
+    )
+    state = straight.CreateDefaultContext()
+    state.SetDiscreteState(context.get_discrete_state_vector().value())
+    for time in np.linspace(20.0, 26.0, 30):
+        np.testing.assert_array_equal(out(straight, state, "p_WH", time), out(dut, context, "p_WH", time))

@@ -1,30 +1,66 @@
 """RobotAction: one motion per sequence number; HOLD freezes, a new number of the same command goes on."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 
-from pace_drake.systems.robot_action import NUM_POSTURES, Pacing, RobotAction
+from pace_drake.systems.robot_action import MAX_COMPONENT_AGE, NUM_POSTURES, Pacing, RobotAction
 from pace_drake.task import ActionKind, sample_episode
 from tests.systems.forced import force_update
 
 
+@dataclass(frozen=True)
+class LineHandOver:
+    """Held out from half of the motion on; opens in 0.6 s."""
+
+    offered: float = 0.5
+    p_WH: np.ndarray = field(default_factory=lambda: np.array([0.7, 0.1, 0.4]))
+    reach: float = 0.05
+    speed: float = 0.1
+    width: float = 0.06
+
+
+@dataclass(frozen=True)
+class LineMotion:
+    """A straight joint motion."""
+
+    end: np.ndarray
+    duration: float
+    hand_over: LineHandOver | None
+
+    def position(self, fraction):
+        return self.end * min(max(fraction, 0.0), 1.0)
+
+    def path_positions(self, fractions):
+        return np.outer(np.clip(fractions, 0.0, 1.0), self.end)
+
+    def path_velocities(self, fractions):
+        inside = (fractions >= 0) & (fractions <= 1)
+        return np.outer(inside, self.end / self.duration)
+
+    def gripper_width(self, fraction):
+        return 0.024 if self.hand_over else 0.04 * (1 - fraction)
+
+
 class LineMotions:
-    """Straight joint motions; each (kind, index) ends somewhere else."""
+    """Each (kind, index) ends somewhere else; what fetches component 0 or 1, also by where that lies."""
 
     home = np.zeros(7)
 
-    def position(self, kind, index, fraction):
-        return np.full(7, 0.1 * int(kind) + 0.01 * index) * fraction
+    def component(self, kind, index):
+        return {ActionKind.ROBOT_TASK: 0, ActionKind.PREPARE: 1}.get(kind)
 
-    def velocity(self, kind, index, fraction):
-        inside = 0 <= fraction <= 1
-        return np.full(7, 0.1 * int(kind) + 0.01 * index) / self.minimum_duration(kind, index) * inside
+    def motion(self, kind, index, located=None):
+        end = np.full(7, 0.1 * int(kind) + 0.01 * index)
+        if located is not None and self.component(kind, index) is not None:
+            end[:3] += located
+        hand_over = LineHandOver() if kind == ActionKind.JOINT and index > 1 else None
+        return LineMotion(end, 9.0 if kind == ActionKind.PREPARE else 1.0, hand_over)
 
-    def gripper_width(self, kind, index, fraction):
-        return 0.04 * (1 - fraction)
 
-    def minimum_duration(self, kind, index):
-        return 9.0 if kind == ActionKind.PREPARE else 1.0
+AT_ORIGIN = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 
 
 class Bench:
@@ -32,6 +68,17 @@ class Bench:
         self.dut = dut
         self.context = dut.CreateDefaultContext()
         dut.set_episode(self.context, episode)
+        if dut.HasInputPort("component_poses"):
+            self.put(component_poses=2 * AT_ORIGIN, component_ages=[0.0, 0.0], p_WH=[2.0, 0.0, 0.0])
+
+    def put(self, **inputs):
+        for name, value in inputs.items():
+            self.dut.GetInputPort(name).FixValue(self.context, value)
+
+    def look(self, time):
+        """The periodic updates, as the Simulator does them."""
+        self.context.SetTime(time)
+        self.context.SetDiscreteState(self.dut.EvalUniquePeriodicDiscreteUpdate(self.context))
 
     def update(self, time, kind, index, sequence):
         self.context.SetTime(time)
@@ -126,7 +173,7 @@ def test_the_same_command_after_it_was_finished_starts_anew(bench):
 
 
 def test_with_motions_it_is_done_when_the_arm_is_there_and_never_faster_than_the_limits(chair, episode):
-    bench = Bench(RobotAction(chair.task, LineMotions()), episode)
+    bench = Bench(RobotAction(chair.task, LineMotions(), 2), episode)
     measured = bench.dut.GetInputPort("position_measured")
     measured.FixValue(bench.context, np.zeros(7))
     assert np.all(bench.out("position", 0.0) == 0)
@@ -145,7 +192,7 @@ def test_with_motions_it_is_done_when_the_arm_is_there_and_never_faster_than_the
 def test_holding_and_going_on_never_jump_in_velocity(chair, episode):
     """The fraction of the path is continuous with its rate; the motion loses half the stop time twice over."""
     stop_time = 0.4
-    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=stop_time), episode)
+    bench = Bench(RobotAction(chair.task, LineMotions(), 2, stop_time=stop_time), episode)
     bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.full(7, 0.11))
     bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
     duration = bench.out("next_event_time")
@@ -170,7 +217,7 @@ def test_holding_and_going_on_never_jump_in_velocity(chair, episode):
 
 
 def test_a_hold_says_when_the_arm_is_at_rest(chair, episode):
-    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=0.4), episode)
+    bench = Bench(RobotAction(chair.task, LineMotions(), 2, stop_time=0.4), episode)
     bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.zeros(7))
     bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
     bench.update(2.0, ActionKind.HOLD, 0, 1)
@@ -179,7 +226,7 @@ def test_a_hold_says_when_the_arm_is_at_rest(chair, episode):
 
 
 def test_a_motion_that_ends_while_it_slows_down_is_done(chair, episode):
-    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=0.4), episode)
+    bench = Bench(RobotAction(chair.task, LineMotions(), 2, stop_time=0.4), episode)
     bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.full(7, 0.11))
     bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
     end = bench.out("next_event_time")
@@ -194,7 +241,7 @@ def test_a_motion_that_ends_while_it_slows_down_is_done(chair, episode):
 
 
 def test_a_hold_while_speeding_up_again_slows_down_from_there(chair, episode):
-    bench = Bench(RobotAction(chair.task, LineMotions(), stop_time=0.4), episode)
+    bench = Bench(RobotAction(chair.task, LineMotions(), 2, stop_time=0.4), episode)
     bench.dut.GetInputPort("position_measured").FixValue(bench.context, np.zeros(7))
     bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
     bench.update(2.0, ActionKind.HOLD, 0, 1)
@@ -212,18 +259,14 @@ def test_a_hold_while_speeding_up_again_slows_down_from_there(chair, episode):
 class PacedBench(Bench):
     """Looks at ``speed_scale`` every 10 ms, as the Simulator does."""
 
-    def __init__(self, task, episode, motions=None):
+    def __init__(self, task, episode):
         pacing = Pacing(period=0.01, look_ahead=0.2)
-        super().__init__(RobotAction(task, motions or LineMotions(), stop_time=0.4, pacing=pacing), episode)
+        super().__init__(RobotAction(task, LineMotions(), 2, stop_time=0.4, pacing=pacing), episode)
         self.dut.GetInputPort("position_measured").FixValue(self.context, np.full(7, 0.11))
         self.scale(1.0)
 
     def scale(self, value):
         self.dut.GetInputPort("speed_scale").FixValue(self.context, [value])
-
-    def look(self, time):
-        self.context.SetTime(time)
-        self.context.SetDiscreteState(self.dut.EvalUniquePeriodicDiscreteUpdate(self.context))
 
     def state(self):
         return self.context.get_discrete_state_vector().value().copy()
@@ -325,14 +368,198 @@ def test_the_path_ahead_is_that_of_the_motion(paced_bench, episode):
 def test_the_path_is_the_same_at_any_rate(paced_bench):
     """Every commanded position lies on the motion, and none is skipped."""
     paced_bench.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    motion = LineMotions().motion(ActionKind.ROBOT_TASK, 1)
     rng, positions = np.random.default_rng(0), []
     for k in range(4000):
         paced_bench.scale(float(rng.choice([0.0, 0.3, 1.0])))
         paced_bench.look(0.01 * k)
         fraction = paced_bench.out("motion_progress")[2]
         positions.append(paced_bench.out("position").copy())
-        assert np.array_equal(positions[-1], LineMotions().position(ActionKind.ROBOT_TASK, 1, fraction))
+        assert np.array_equal(positions[-1], motion.position(fraction))
     steps = np.diff(np.array(positions)[:, 0])
     assert np.all(steps >= 0)
     assert np.max(steps) <= 0.11 / 5.5 * 0.01 * 1.01
     assert positions[-1][0] == pytest.approx(0.11)
+
+
+# ---- what is fetched, and where it lies
+
+
+@pytest.fixture(scope="module")
+def plain(chair):
+    return RobotAction(chair.task, LineMotions(), 2)
+
+
+@pytest.fixture
+def fetching(plain, episode):
+    bench = Bench(plain, episode)
+    bench.put(position_measured=np.zeros(7))
+    return bench
+
+
+def lying(*located):
+    """Poses of components that lie at x, y, yaw."""
+    X_WO = [RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, 0.02]) for x, y, yaw in located]
+    return np.concatenate([np.append(X.rotation().ToQuaternion().wxyz(), X.translation()) for X in X_WO])
+
+
+@pytest.mark.parametrize(("kind", "number"), [(ActionKind.ROBOT_TASK, 0), (ActionKind.PREPARE, 1)])
+def test_a_motion_that_fetches_begins_when_its_component_has_just_been_seen(fetching, kind, number):
+    ages = np.zeros(2)
+    ages[number] = MAX_COMPONENT_AGE + 1e-6
+    fetching.put(component_ages=ages)
+    fetching.update(1.0, kind, 1, 1)
+    assert fetching.out("next_event_time") == np.inf
+    assert fetching.out("robot_busy") == 0
+    np.testing.assert_array_equal(fetching.out("position", 3.0), LineMotions.home)
+    ages[:] = np.inf
+    ages[number] = MAX_COMPONENT_AGE  # the age of the other does not matter
+    fetching.put(component_ages=ages)
+    fetching.update(3.0, kind, 1, 1)
+    assert fetching.out("robot_busy") == 1
+    assert fetching.out("motion_progress", 3.0)[2] == 0
+    assert fetching.out("motion_progress", 4.0)[2] > 0
+
+
+def test_what_fetches_nothing_begins_whatever_is_seen(fetching):
+    fetching.put(component_ages=[np.inf, np.inf])
+    fetching.update(1.0, ActionKind.HOME, 1, 1)
+    assert fetching.out("robot_busy") == 1
+
+
+def test_a_motion_leads_to_where_its_component_was_when_it_began(fetching):
+    fetching.put(component_poses=lying((0.3, -0.5, 0.2), (0.4, 0.6, -2.8)))
+    for sequence, (kind, located) in enumerate(
+        ((ActionKind.ROBOT_TASK, [0.3, -0.5, 0.2]), (ActionKind.PREPARE, [0.4, 0.6, -2.8])), start=1
+    ):
+        begin = 50.0 * sequence
+        fetching.update(begin, kind, 1, sequence)
+        end = LineMotions().motion(kind, 1, np.array(located)).end
+        np.testing.assert_allclose(fetching.out("position", begin + 40.0), end, atol=1e-12)
+        fetching.put(component_poses=lying((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), component_ages=[9.0, 9.0])
+        fetching.look(begin + 40.0)
+        np.testing.assert_allclose(fetching.out("position"), end, atol=1e-12)
+        fetching.put(position_measured=end)
+        assert fetching.out("motion_done") == sequence
+        fetching.put(component_poses=lying((0.3, -0.5, 0.2), (0.4, 0.6, -2.8)), component_ages=[0.0, 0.0])
+
+
+def test_a_motion_goes_on_after_a_hold_whatever_is_seen(fetching):
+    fetching.put(component_poses=lying((0.3, -0.5, 0.2), (0.0, 0.0, 0.0)))
+    fetching.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    fetching.update(2.0, ActionKind.HOLD, 0, 1)
+    fetching.put(component_poses=lying((0.1, -0.1, 0.0), (0.0, 0.0, 0.0)), component_ages=[9.0, 9.0])
+    fetching.update(5.0, ActionKind.ROBOT_TASK, 1, 2)
+    assert fetching.out("robot_busy", 6.0) == 1
+    end = LineMotions().motion(ActionKind.ROBOT_TASK, 1, np.array([0.3, -0.5, 0.2])).end
+    np.testing.assert_allclose(fetching.out("position", 60.0), end, atol=1e-12)
+
+
+def test_what_an_update_would_begin(fetching):
+    def begins(kind, index, sequence, time):
+        fetching.context.SetTime(time)
+        fetching.put(robot_action=[float(kind), index, sequence])
+        return fetching.dut.begins(fetching.context)
+
+    assert begins(ActionKind.NONE, 0, 0, 0.0) is None
+    assert begins(ActionKind.ROBOT_TASK, 2, 1, 0.0) == (ActionKind.ROBOT_TASK, 2, 1)
+    fetching.update(0.0, ActionKind.ROBOT_TASK, 2, 1)
+    assert begins(ActionKind.ROBOT_TASK, 2, 1, 1.0) is None  # has begun
+    assert begins(ActionKind.HOLD, 0, 1, 1.0) is None
+    fetching.update(2.0, ActionKind.HOLD, 0, 1)
+    assert begins(ActionKind.ROBOT_TASK, 2, 2, 3.0) is None  # goes on
+    assert begins(ActionKind.PREPARE, 1, 2, 3.0) == (ActionKind.PREPARE, 1, 2)
+    fetching.update(3.0, ActionKind.ROBOT_TASK, 2, 2)
+    fetching.put(position_measured=LineMotions().motion(ActionKind.ROBOT_TASK, 2).end)
+    assert begins(ActionKind.ROBOT_TASK, 2, 3, 60.0) == (ActionKind.ROBOT_TASK, 2, 3)  # it is over: the same anew
+
+
+# ---- what is held out
+
+CLOSED = 0.024
+
+
+@pytest.fixture
+def offering(fetching, episode):
+    """JOINT 2 begins at time 0."""
+    fetching.update(0.0, ActionKind.JOINT, 2, 1)
+    fetching.put(position_measured=LineMotions().motion(ActionKind.JOINT, 2).end)
+    return fetching
+
+
+@pytest.fixture
+def duration(episode):
+    """[s] of JOINT 2."""
+    return episode.human[3]
+
+
+THERE = LineHandOver().p_WH
+REACHED = np.add(THERE, [0.0, 0.0, 0.0499])
+
+
+def test_the_gripper_lets_go_when_the_hand_has_it_and_only_then_it_is_done(offering, duration):
+    offering.put(p_WH=np.add(THERE, [0.0, 0.0, 0.0501]))
+    for time in (0.6 * duration, duration, duration + 5.0):
+        offering.look(time)
+        assert offering.out("gripper_position") == CLOSED
+        assert offering.out("motion_done") == 0
+        assert offering.out("robot_busy") == 1
+    assert offering.out("next_event_time") == pytest.approx(duration + 5.01)  # it is asked again
+    offering.put(p_WH=REACHED)
+    assert offering.out("gripper_position") == CLOSED  # until the hand is looked at
+    offering.look(duration + 6.0)
+    offering.put(p_WH=[2.0, 0.0, 0.0])  # gone again: it is let go all the same
+    for passed, width in ((0.0, CLOSED), (0.3, 0.03), (0.5, 0.05), (0.6001, 0.06), (5.0, 0.06)):
+        offering.look(duration + 6.0 + passed)
+        assert offering.out("gripper_position") == pytest.approx(width)
+        assert offering.out("motion_done") == (passed > 0.6)
+
+
+def test_nothing_is_let_go_before_it_is_held_out(offering, duration):
+    offering.put(p_WH=REACHED)
+    offering.look(0.499 * duration)
+    assert offering.out("gripper_position", 0.499 * duration + 1.0) == CLOSED
+    offering.look(0.501 * duration)
+    offering.look(0.501 * duration + 0.3)  # the hand is still there: it does not begin again
+    assert offering.out("gripper_position", 0.501 * duration + 0.5) == pytest.approx(0.05)
+    # Opened long before the end of its time: done at the end.
+    assert offering.out("motion_done", duration - 1e-6) == 0
+    assert offering.out("motion_done", duration) == 1
+
+
+def test_nothing_is_let_go_while_the_robot_is_held(offering, duration):
+    offering.update(0.7 * duration, ActionKind.HOLD, 0, 1)
+    offering.put(p_WH=REACHED)
+    offering.look(0.7 * duration + 2.0)
+    assert offering.out("gripper_position", 0.7 * duration + 4.0) == CLOSED
+    offering.update(0.7 * duration + 4.0, ActionKind.JOINT, 2, 2)
+    offering.look(0.7 * duration + 4.0)
+    assert offering.out("gripper_position", 0.7 * duration + 4.5) == pytest.approx(0.05)
+
+
+def test_what_was_let_go_stays_let_go_over_a_hold(offering, duration):
+    offering.put(p_WH=REACHED)
+    offering.look(0.6 * duration)
+    offering.update(0.7 * duration, ActionKind.HOLD, 0, 1)
+    offering.update(0.7 * duration + 3.0, ActionKind.JOINT, 2, 2)
+    assert offering.out("gripper_position") == pytest.approx(0.06)
+
+
+def test_the_next_motion_holds_on_again(offering, duration):
+    offering.put(p_WH=REACHED)
+    offering.look(duration)
+    end = duration + 1.0
+    assert offering.out("motion_done", end) == 1
+    offering.put(p_WH=[2.0, 0.0, 0.0])
+    offering.update(end, ActionKind.JOINT, 2, 2)
+    offering.look(end + duration + 1.0)
+    assert offering.out("gripper_position") == CLOSED
+    assert offering.out("motion_done") == 1
+
+
+def test_where_nothing_is_held_out_the_clock_opens_the_gripper(fetching):
+    fetching.update(0.0, ActionKind.JOINT, 1, 1)
+    fetching.put(p_WH=REACHED, position_measured=LineMotions().motion(ActionKind.JOINT, 1).end)
+    fetching.look(50.0)
+    assert fetching.out("gripper_position") == 0.0
+    assert fetching.out("motion_done") == 1

@@ -1,0 +1,115 @@
+"""PlantLog and check_limits, on made-up logs: each figure is that of what was passed, and nothing else."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from pace_drake.evaluate.plant_log import PlantLog, check_limits
+from pace_drake.stations.plant import make_plant_station
+from pace_drake.stations.workcell import Workcell
+
+#: The Panda's (FER) limits.
+LOWER = np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973])
+UPPER = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
+SPEED = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
+ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+STEP = Workcell().time_step
+STEPS = 20
+
+
+@pytest.fixture(scope="module")
+def station():
+    return make_plant_station(Workcell())
+
+
+@pytest.fixture
+def still():
+    """The arm rests at home."""
+    home = np.tile(Workcell().home, (STEPS, 1))
+    return PlantLog(
+        time=STEP * np.arange(STEPS),
+        position_desired=home,
+        position=home.copy(),
+        velocity=np.zeros((STEPS, 7)),
+        gripper=np.tile([0.06, 0.0], (STEPS, 1)),
+        contact=np.zeros((STEPS, 2)),
+    )
+
+
+def changed(log, name, step, column, value):
+    array = getattr(log, name).copy()
+    array[step, column] = value
+    return replace(log, **{name: array})
+
+
+def test_an_arm_at_rest_keeps_every_limit(station, still):
+    limits = check_limits(still, station)
+    assert limits.kept
+    home = np.array(Workcell().home)
+    assert limits.position == pytest.approx(np.min(np.minimum(home - LOWER, UPPER - home)))
+    assert (limits.velocity, limits.acceleration, limits.tracking, limits.penetration) == (0, 0, 0, 0)
+    assert limits.self_contacts == 0
+
+
+@pytest.mark.parametrize("joint", range(7))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_least_distance_from_a_position_limit(station, still, joint, side):
+    limit = LOWER[joint] if side < 0 else UPPER[joint]
+    for inside in (0.01, -0.01):
+        log = changed(still, "position", 7, joint, limit - side * inside)
+        limits = check_limits(log, station)
+        assert limits.position == pytest.approx(inside)
+        assert limits.kept == (inside > 0)
+
+
+@pytest.mark.parametrize("joint", range(7))
+@pytest.mark.parametrize("share", [-0.99, 1.01])
+def test_the_largest_share_of_a_velocity_limit(station, still, joint, share):
+    velocity = still.velocity.copy()
+    velocity[:, joint] = share * SPEED[joint]
+    limits = check_limits(replace(still, velocity=velocity), station)
+    assert limits.velocity == pytest.approx(abs(share))
+    assert limits.acceleration == pytest.approx(0.0)
+    assert limits.kept == (abs(share) < 1)
+
+
+@pytest.mark.parametrize("joint", range(7))
+@pytest.mark.parametrize("share", [0.99, -1.01])
+def test_accelerations_are_differences_of_velocities(station, still, joint, share):
+    velocity = still.velocity.copy()
+    velocity[10:, joint] = share * ACCELERATION[joint] * STEP  # reached within one step
+    limits = check_limits(replace(still, velocity=velocity), station)
+    assert limits.acceleration == pytest.approx(abs(share))
+    assert limits.kept == (abs(share) < 1)
+
+
+def test_tracking_is_the_largest_difference_from_what_was_desired(station, still):
+    log = changed(still, "position_desired", 3, 4, still.position[3, 4] - 0.02)
+    log = changed(log, "position_desired", 9, 2, still.position[9, 2] + 0.01)
+    assert check_limits(log, station).tracking == pytest.approx(0.02)
+
+
+def test_the_deepest_penetration(station, still):
+    log = changed(changed(still, "contact", 3, 0, 0.001), "contact", 4, 0, 0.0004)
+    limits = check_limits(log, station)
+    assert limits.penetration == 0.001
+    assert limits.self_contacts == 0
+    assert limits.kept  # things may press on one another
+
+
+def test_steps_with_self_contact_are_counted_and_forbidden(station, still):
+    log = changed(changed(still, "contact", 3, 1, 2.0), "contact", 12, 1, 1.0)
+    limits = check_limits(log, station)
+    assert limits.self_contacts == 2
+    assert not limits.kept
+
+
+def test_the_file_has_every_array_by_its_name(still, tmp_path):
+    rng = np.random.default_rng(0)
+    log = PlantLog(**{field.name: rng.normal(size=getattr(still, field.name).shape) for field in fields(still)})
+    log.write(tmp_path / "plant.npz")
+    with np.load(tmp_path / "plant.npz", allow_pickle=False) as file:
+        again = PlantLog(**{name: file[name] for name in file.files})
+    for field in fields(log):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(log, field.name))
