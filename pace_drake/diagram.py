@@ -1,6 +1,6 @@
 """The only wiring: human, estimator, policy, statechart, robot action, idle meter and a station, as one Diagram."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,8 +36,9 @@ if TYPE_CHECKING:
 
 #: Operator inputs of the chart that the diagram exports; unconnected they have the chart's defaults.
 OPERATOR_INPUTS = ("start", "stop", "fault", "ack")
-#: Outputs of a station that are logged.
-LOGGED = ("panda.position_measured", "panda.velocity_estimated", "gripper.state_measured", "contact")
+#: Outputs of a station that may be logged; looking at every contact at every step costs an eighth of the plant's time.
+JOINT_LOG = ("panda.position_measured", "panda.velocity_estimated", "gripper.state_measured")
+FULL_LOG = (*JOINT_LOG, "contact")
 
 
 class Assembly(Diagram):
@@ -67,7 +68,7 @@ class Assembly(Diagram):
         safety_monitor: keeps the arm away from the hand; None without a station, or where the scenario switches it off.
         decision: the policy's system; None if the decision is an exported input.
         station: the plant or the hardware; None at the task level.
-        plant_log: by the name of an output, Drake's VectorLogSink of it; empty unless ``logged``.
+        plant_log: by the name of an output, Drake's VectorLogSink of it; empty if nothing is ``logged``.
         reaction_period: [s] or None; see below.
         reactive: the systems that update at an event, in the order in which they do, so that a command is taken at
             the very instant at which it was given.
@@ -78,7 +79,8 @@ class Assembly(Diagram):
         station: a Diagram with the station ports (docs/design.md), or None for the task level.
         motions: planned motions; needed with a station.
         people: None loads those of the scenario.
-        logged: also log joint positions, velocities and contacts at every step of the plant (``plant_log``).
+        logged: outputs of the station to be logged at every step of the plant (``plant_log``), such as ``JOINT_LOG``
+            or ``FULL_LOG``; the desired position is then logged, too.
         reaction_period: None: events at exact times, advanced by ``pace_drake.simulation.Simulation``; a period [s]:
             the logic updates periodically, for any Simulator and for hardware.
 
@@ -95,7 +97,7 @@ class Assembly(Diagram):
         station: Diagram | None = None,
         motions: Motions | None = None,
         people: People | None = None,
-        logged: bool = False,
+        logged: Sequence[str] = (),
         reaction_period: float | None = None,
     ) -> None:
         super().__init__()
@@ -235,7 +237,7 @@ class Assembly(Diagram):
                 builder.ExportOutput(station.get_output_port(k), station.get_output_port(k).get_name())
         self.plant_log: dict[str, VectorLogSink] = {}
         if logged and station is not None:
-            logs = {name: station.GetOutputPort(name) for name in LOGGED if station.HasOutputPort(name)}
+            logs = {name: station.GetOutputPort(name) for name in logged}
             logs["position_desired"] = self.robot_action.GetOutputPort("position")
             for name, port in logs.items():
                 self.plant_log[name] = LogVectorOutput(port, builder, scenario.workcell.time_step)
@@ -291,24 +293,16 @@ class Assembly(Diagram):
         assert isinstance(self.station, PlantStation)
         self.station.set_layout(context, layout)
 
-    def attend_plant(self, context: Context) -> None:
-        """What happens around the robot when an update of ``robot_action`` now would begin a motion: the cube that it
-        fetches is put back into the pile, if it is not there, and what it does not handle is let sleep.
-        """
+    def refill_pile(self, context: Context) -> None:
+        """Puts the cube that an update of ``robot_action`` now would fetch back into the pile, if it is not there."""
         if not isinstance(self.station, PlantStation):
             return
         begins = self.robot_action.begins(self.robot_action.GetMyContextFromRoot(context))
-        if begins is None:
-            return
-        kind, index, sequence = begins
-        workcell = self.scenario.workcell
-        if kind == ActionKind.ROBOT_TASK:
-            handled = component_index(workcell, kind, index)
-            assert handled is not None
-            self.station.refill(context, handled, sequence)
-        else:
-            handled = component_index(workcell, ActionKind.PREPARE, index)
-        self.station.wake(context, handled)
+        if begins is not None and begins[0] == ActionKind.ROBOT_TASK:
+            kind, index, sequence = begins
+            cube = component_index(self.scenario.workcell, kind, index)
+            assert cube is not None
+            self.station.refill(context, cube, sequence)
 
     def _add_safety(
         self,

@@ -221,7 +221,7 @@ class Simulation:
             system.CalcForcedDiscreteVariableUpdate(context, values)
             context.SetDiscreteState(values)
             if system is self.assembly.task_statechart:
-                self.assembly.attend_plant(self.context)
+                self.assembly.refill_pile(self.context)
         if self._safety_context is not None:
             self._seen_latch = SafetyMonitor.latched(self._safety_context)
         self.num_decisions = int(self._index_port.Eval(self._chart_context)[0])

@@ -26,7 +26,7 @@ def workcell(
     from rich.console import Console
     from rich.progress import track
 
-    from pace_drake.diagram import Assembly
+    from pace_drake.diagram import FULL_LOG, Assembly
     from pace_drake.evaluate.workcell import play_workcell, summarize, table
     from pace_drake.people import load_people
     from pace_drake.policies.factory import make_policy
@@ -40,7 +40,7 @@ def workcell(
     people, task = load_people(loaded), loaded.task
     motions = plan_motions(loaded.workcell, task.num_robot_tasks, task.num_joint_actions)
     station = make_plant_station(loaded.workcell)
-    plant = Simulation(Assembly(loaded, chosen, station=station, motions=motions, people=people, logged=True))
+    plant = Simulation(Assembly(loaded, chosen, station=station, motions=motions, people=people, logged=FULL_LOG))
     alone = Simulation(Assembly(loaded, chosen, people=people))
     console = Console()
     numbers = track(range(episodes), description="episodes", console=console, transient=True)

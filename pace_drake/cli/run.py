@@ -56,7 +56,7 @@ def command(
 
     Writes a run folder: scenario.yaml (resolved), events.csv (every reaction, decision and idle interval, written as it
     goes), summary.json, timeline.png and, at the plant level, of the first episode, replay.html and plant.npz (joints
-    and contacts at every step). Times in [s].
+    at every step). Times in [s].
     """
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
@@ -107,7 +107,7 @@ class _Run:
             raise InputError(f"{self.out}: cannot make the run folder: {error.strerror}") from error
 
     def _build(self, policy: "Policy", show: bool) -> tuple["Assembly", object]:
-        from pace_drake.diagram import Assembly
+        from pace_drake.diagram import JOINT_LOG, Assembly
         from pace_drake.people import load_people
 
         people = load_people(self.scenario)
@@ -135,7 +135,7 @@ class _Run:
         station = make_plant_station(
             self.scenario.workcell, meshcat=meshcat, cameras=self.scenario.perception == "cameras"
         )
-        assembly = Assembly(self.scenario, policy, station=station, motions=motions, people=people, logged=True)
+        assembly = Assembly(self.scenario, policy, station=station, motions=motions, people=people, logged=JOINT_LOG)
         return assembly, meshcat
 
     def _choose_folder(self, out: Path | None) -> Path:
@@ -182,7 +182,8 @@ class _Run:
             for number in range(self.episodes):
                 recording = number == 0 and self.meshcat is not None
                 if recording:
-                    self.meshcat.StartRecording(frames_per_second=16, set_visualizations_while_recording=True)  # type: ignore[attr-defined]
+                    seen = self.live is not None
+                    self.meshcat.StartRecording(16.0, set_visualizations_while_recording=seen)  # type: ignore[attr-defined]
 
                 def write(time: float, kind: str, episode: int = number, **values) -> None:
                     log.write(episode, time, kind, **values)

@@ -19,7 +19,7 @@ class PlantLog:
         position: (n, 7) [rad] measured.
         velocity: (n, 7) [rad/s]
         gripper: (n, 2) [m, m/s] width and its rate.
-        contact: (n, 2) largest penetration [m], number of contacts of the robot with itself.
+        contact: (n, 2) largest penetration [m], number of contacts of the robot with itself; None if it was not logged.
     """
 
     time: np.ndarray
@@ -27,7 +27,7 @@ class PlantLog:
     position: np.ndarray
     velocity: np.ndarray
     gripper: np.ndarray
-    contact: np.ndarray
+    contact: np.ndarray | None
 
     @classmethod
     def of(cls, simulation: Simulation) -> "PlantLog":
@@ -40,20 +40,13 @@ class PlantLog:
             position=data["panda.position_measured"],
             velocity=data["panda.velocity_estimated"],
             gripper=data["gripper.state_measured"],
-            contact=data["contact"],
+            contact=data.get("contact"),
         )
 
     def write(self, path: Path) -> None:
         """Writes an .npz file; its arrays have the names of the attributes."""
-        np.savez_compressed(
-            path,
-            time=self.time,
-            position_desired=self.position_desired,
-            position=self.position,
-            velocity=self.velocity,
-            gripper=self.gripper,
-            contact=self.contact,
-        )
+        arrays = {name: value for name, value in vars(self).items() if value is not None}
+        np.savez_compressed(path, **arrays)
 
 
 @dataclass(frozen=True)
@@ -82,7 +75,8 @@ class LimitsKept:
 
 
 def check_limits(log: PlantLog, station: PlantStation) -> LimitsKept:
-    """Compares a log with the arm's limits in its model."""
+    """Compares a log, contacts included, with the arm's limits in its model."""
+    assert log.contact is not None
     plant = station.plant
     joints = [plant.GetJointByName(f"panda_joint{k + 1}") for k in range(NUM_ARM_JOINTS)]
     lower = np.array([joint.position_lower_limit() for joint in joints])

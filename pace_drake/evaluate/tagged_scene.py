@@ -60,8 +60,7 @@ class TaggedScene:
             self._show(name, size, [0.3, 0.3, 0.3, 1.0])
         add_tags(self._plant, self.names)
         self._plant.Finalize()
-        poses = {self._plant.get_source_id(): self._plant.get_geometry_pose_output_port()}
-        add_cameras(builder, scene_graph, poses, cameras)
+        add_cameras(builder, scene_graph, cameras)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)

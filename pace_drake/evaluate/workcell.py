@@ -157,7 +157,7 @@ def play_workcell(
     """Plays episodes at the plant level, and each again at the task level with the durations that came out.
 
     Args:
-        plant: of an assembly with a PlantStation, logged.
+        plant: of an assembly with a PlantStation and ``FULL_LOG``.
         task: of an assembly with the same scenario and policy, without a station.
         seed: with the number of the episode it seeds everything.
         numbers: of the episodes.
@@ -169,8 +169,8 @@ def play_workcell(
         InputError: the plant is not logged.
     """
     station = plant.assembly.station
-    if not isinstance(station, PlantStation) or not plant.assembly.plant_log:
-        raise InputError("play_workcell needs an assembly with a plant station, made with logged=True")
+    if not isinstance(station, PlantStation) or "contact" not in plant.assembly.plant_log:
+        raise InputError("play_workcell needs an assembly with a plant station, made with logged=FULL_LOG")
     for number in numbers:
         wall, cpu = perf_counter(), process_time()
         recorder = WorkcellRecorder()

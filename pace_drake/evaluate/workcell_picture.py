@@ -49,7 +49,7 @@ def render_workcell(
     station = make_plant_station(workcell, initial_position=np.asarray(q, dtype=float))
     context = station.CreateDefaultContext()
     station.GetInputPort("p_WH").FixValue(context, np.asarray(p_WH, dtype=float))
-    scene_graph = station.GetSubsystemByName("scene_graph")
+    scene_graph = station.GetSubsystemByName("seen_scene")
     engine = MakeRenderEngineVtk(
         RenderEngineVtkParams(
             default_clear_color=[0.86, 0.89, 0.92],

@@ -12,10 +12,9 @@ from pydrake.geometry import (
     RenderCameraCore,
     RenderEngineVtkParams,
     SceneGraph,
-    SourceId,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from pace_drake.errors import InputError
@@ -36,16 +35,11 @@ def pinhole_camera(camera: Camera) -> PinholeCamera:
     return PinholeCamera(_info(camera).intrinsic_matrix(), camera.pose.to_rigid_transform().GetAsMatrix4())
 
 
-def add_cameras(
-    builder: DiagramBuilder,
-    scene_graph: SceneGraph,
-    pose_sources: Mapping[SourceId, OutputPort],
-    cameras: Mapping[str, Camera],
-) -> None:
+def add_cameras(builder: DiagramBuilder, scene: SceneGraph, cameras: Mapping[str, Camera]) -> None:
     """Adds colour and depth cameras, and exports their pictures.
 
-    They look at a copy of the scene: a renderer in ``scene_graph`` itself would follow every step of the plant, which
-    then takes three times as long; the copy is updated when a picture is asked for.
+    The scene should not be the one that a plant's contacts are found in: a renderer in it would follow every step of
+    the plant, which then takes three times as long.
 
     Outputs:
         NAME.color_image: ImageRgba8U.
@@ -53,9 +47,8 @@ def add_cameras(
             when somebody asks for them, and then once an instant.
 
     Args:
-        builder: holds ``scene_graph`` and the systems of ``pose_sources``.
-        scene_graph: with everything that cameras will ever see.
-        pose_sources: the output port with the poses of each of its sources that moves something.
+        builder: holds ``scene``.
+        scene: what they look at.
         cameras: by name; those that are not enabled are left out.
 
     Raises:
@@ -67,9 +60,6 @@ def add_cameras(
         raise InputError(
             f"cameras need OpenGL without a display ({error}): apt-get install libegl1, or use perception=true_poses"
         ) from None
-    scene = builder.AddNamedSystem("camera_scene", scene_graph.Clone())
-    for source, port in pose_sources.items():
-        builder.Connect(port, scene.get_source_pose_port(source))
     scene.AddRenderer(_RENDERER, engine)
     for name, camera in cameras.items():
         if not camera.enabled:

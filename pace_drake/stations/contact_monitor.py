@@ -30,9 +30,8 @@ class ContactMonitor(LeafSystem):
     def CalcContact(self, context: Context, output: BasicVector) -> None:
         """Goes through the pairs."""
         results: ContactResults = self._results.Eval(context)
-        deepest, own = 0.0, 0
-        for k in range(results.num_point_pair_contacts()):
-            info = results.point_pair_contact_info(k)
-            deepest = max(deepest, info.point_pair().depth)
-            own += info.bodyA_index() in self._robot and info.bodyB_index() in self._robot
+        robot = self._robot
+        pairs = [results.point_pair_contact_info(k) for k in range(results.num_point_pair_contacts())]
+        deepest = max([info.point_pair().depth for info in pairs], default=0.0)
+        own = sum([info.bodyA_index() in robot and info.bodyB_index() in robot for info in pairs])
         output.SetFromVector([deepest, own])

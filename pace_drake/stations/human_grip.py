@@ -1,9 +1,7 @@
 """HumanGrip: the person's hand takes what the robot holds out, and keeps it."""
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import AbstractValue, Value
-from pydrake.math import RotationMatrix
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import RigidBody
@@ -56,6 +54,7 @@ class HumanGrip(LeafSystem):
         self.set_name("human_grip")
         self._bodies, self._reach, self._held_up = bodies, reach, held_up
         self._weights = [body.default_mass() * _GRAVITY for body in bodies]
+        self._p_OEnd = self.p_OEnd.tolist()
         self._p_WLeft = np.asarray(p_WLeft, dtype=float)
         self._p_WH = self.DeclareVectorInputPort("p_WH", BasicVector(3))
         self._keys = [self.DeclareVectorInputPort(f"key_{k + 1}", BasicVector(13)) for k in range(len(bodies))]
@@ -76,9 +75,19 @@ class HumanGrip(LeafSystem):
         return context.get_discrete_state_vector().value()
 
     def _end(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of a key in this state: p_WEnd [m], and p_OEnd_W."""
-        p_OEnd_W = RotationMatrix(Quaternion(state[:4] / np.linalg.norm(state[:4]))) @ self.p_OEnd
-        return state[4:7] + p_OEnd_W, p_OEnd_W
+        """Of a key in this state: p_WEnd [m], and the end's velocity [m/s]."""
+        # By components: numpy takes ten times as long over so few numbers, and this is done at every step.
+        w, x, y, z, px, py, pz, wx, wy, wz, vx, vy, vz = state.tolist()
+        ox, oy, oz = self._p_OEnd
+        # p_OEnd_W = p + 2 w (u x p) + 2 u x (u x p), u the quaternion's vector part.
+        ux, uy, uz = y * oz - z * oy, z * ox - x * oz, x * oy - y * ox
+        ox += 2 * (w * ux + y * uz - z * uy)
+        oy += 2 * (w * uy + z * ux - x * uz)
+        oz += 2 * (w * uz + x * uy - y * ux)
+        return (
+            np.array([px + ox, py + oy, pz + oz]),
+            np.array([vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox]),
+        )
 
     def Update(self, context: Context, values: DiscreteValues) -> None:
         """Takes a key that is at hand."""
@@ -98,16 +107,14 @@ class HumanGrip(LeafSystem):
         for k in np.flatnonzero(taken):
             target = self._p_WH.Eval(context) if taken[k] == taken.max() else self._p_WLeft
             state = self._keys[k].Eval(context)
-            p_WEnd, p_OEnd_W = self._end(state)
-            w_WO, v_WO = state[7:10], state[10:13]
-            v_WEnd = v_WO + np.cross(w_WO, p_OEnd_W)
+            p_WEnd, v_WEnd = self._end(state)
             pull = _STIFFNESS * (target - p_WEnd)
             pull *= min(1.0, _MAX_FORCE / max(float(np.linalg.norm(pull)), 1e-9))
             force = ExternallyAppliedSpatialForce()
             force.body_index = self._bodies[k].index()
             force.p_BoBq_B = self.p_OEnd
             force.F_Bq_W = SpatialForce(
-                tau=-_TURN_DAMPING * w_WO,
+                tau=-_TURN_DAMPING * state[7:10],
                 f=pull - _DAMPING * v_WEnd + [0.0, 0.0, self._weights[k]],
             )
             forces.append(force)

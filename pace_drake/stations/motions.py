@@ -32,9 +32,9 @@ from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
 _HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
-_FETCHING = (ActionKind.ROBOT_TASK, ActionKind.PREPARE)
+_FETCHING = frozenset((ActionKind.ROBOT_TASK, ActionKind.PREPARE))
 _NUM_KEPT = 512  # located motions in memory
-_PLANS = 1  # version of what is written to the cache
+_PLANS = 2  # version of what is written to the cache
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,10 @@ class _Planner:
         name, floor = f"tray_{tray + 1}", f"floor of tray_{tray + 1}"
         carried = Load(cube.model, (floor,), (cube.name, name), w.gripper_release)
         let_go = Load("", (name,), (cube.name,), w.gripper_release)
-        over_tray, at_tray = self._approach(f"trays[{tray}]", places, carried, None if near is None else near[1])
+        if near is None:
+            over_tray, at_tray = self._approach(f"trays[{tray}]", places, carried, None)
+        else:  # the tray is where it was
+            over_tray, at_tray = (Via(f"trays[{tray}]", q, self.scene.gripper_pose(q)) for q in near[1:])
         chain = _Chain(self, f"robot task {i}", self.home.q, w.gripper_open)
         chain.move([self.home, over, at], Load("", (cube.name,), (), w.gripper_open), arrive=True)
         chain.grip(self._closed(cube))
@@ -316,7 +319,7 @@ class _Planner:
         chain.grip(w.gripper_release)
         chain.move([at_tray, over_tray, self.home], let_go, leave=True)
         chain.grip(w.gripper_open, during=True)
-        return chain.finish(approaches=[over.q, over_tray.q])
+        return chain.finish(approaches=[over.q, over_tray.q, at_tray.q])
 
     # ---- joint actions
 
@@ -462,7 +465,11 @@ class _Planner:
         """Vias over a place and at it, in whichever of the equal yaws suits the arm best."""
         lift = RigidTransform([0.0, 0.0, self.workcell.approach_height])
         lifted = [lift @ X_WG for X_WG in candidates]
-        start = self._turned(lifted[0]) if near is None else near
+        if near is None:
+            start = self._turned(lifted[0])
+        else:
+            start, R_WG = near, self.scene.gripper_pose(near).rotation()
+            lifted = [min(lifted, key=lambda X_WG: R_WG.InvertAndCompose(X_WG.rotation()).ToAngleAxis().angle())]
         left, kept = list(lifted), 1.1 * self.workcell.contact_clearance
         while True:
             over = self._via(name, left, load, start)

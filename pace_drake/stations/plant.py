@@ -20,7 +20,12 @@ from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelD
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import PdControllerGains, RigidBody
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import Gain, MatrixGain, Multiplexer, StateInterpolatorWithDiscreteDerivative
+from pydrake.systems.primitives import (
+    Gain,
+    MatrixGain,
+    Multiplexer,
+    StateInterpolatorWithDiscreteDerivative,
+)
 
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
@@ -38,7 +43,6 @@ from pace_drake.task import NUM_ROBOT_DRAWS
 NUM_ARM_JOINTS = 7
 NUM_FINGERS = 2
 _STILL = ("sorting_table", "warehouse_table", "assembly_table", "chair_base", "pedestal")
-_AT_REST = 1e-3  # [m/s] slower than this something is let sleep
 _POSE = 7  # numbers of a pose: a quaternion and a position
 
 
@@ -147,7 +151,7 @@ class PlantStation(Diagram):
         key_taken: see ``HumanGrip``.
         contact (2): see ``ContactMonitor``.
         contact_results: Drake's ContactResults.
-        query_object: Drake's QueryObject of the SceneGraph.
+        query_object: Drake's QueryObject of everything that is seen, the person included.
         sorting_camera.color_image, sorting_camera.depth_image, ...: only with cameras; see ``add_cameras``.
 
     State: that of the discrete MultibodyPlant (time step ``workcell.time_step``), which starts at rest with the
@@ -157,7 +161,8 @@ class PlantStation(Diagram):
 
     Attributes:
         workcell: what it was made from.
-        plant, scene_graph: Drake's.
+        plant: Drake's.
+        scene_graph: what touches; ``seen_scene`` has everything that is seen, too.
         components: what the robot can fetch.
     """
 
@@ -171,6 +176,8 @@ class PlantStation(Diagram):
                 time_step=workcell.time_step,
                 contact_model="point",
                 discrete_contact_approximation="sap",
+                # Sampled outputs need an unrestricted update, which has every system of the diagram computed anew.
+                use_sampled_output_ports=False,
                 # At Drake's 1.0 a gripped thing sinks millimetres into the fingers; at 0.1 it is kicked when let go.
                 sap_near_rigid_threshold=0.3,
             ),
@@ -193,25 +200,25 @@ class PlantStation(Diagram):
             plant.GetBodyByName(component.model, plant.GetModelInstanceByName(component.name))
             for component in self.components
         ]
-        # A free body has one joint, which Drake adds.
-        self._joints = [
-            plant.get_joint(*plant.GetJointIndices(plant.GetModelInstanceByName(component.name)))
-            for component in self.components
-        ]
         self._add_control(builder)
         self._add_outputs(builder)
-        person = self._add_person(builder)
+        # What is only seen stands in a scene of its own, the person in no other, which is updated when somebody looks:
+        # the plant asks its own for all poses at every step.
+        seen = builder.AddNamedSystem("seen_scene", scene_graph.Clone())
+        builder.Connect(plant.get_geometry_pose_output_port(), seen.get_source_pose_port(plant.get_source_id()))
+        inspector = scene_graph.model_inspector()
+        for geometry in inspector.GetAllGeometryIds():
+            if inspector.GetProximityProperties(geometry) is None:
+                scene_graph.RemoveGeometry(plant.get_source_id(), geometry)
+        self._add_person(builder, seen)
+        builder.ExportOutput(seen.get_query_output_port(), "query_object")
         if cameras:
-            sources = {
-                plant.get_source_id(): plant.get_geometry_pose_output_port(),
-                person.source_id: person.get_output_port(),
-            }
-            add_cameras(builder, scene_graph, sources, workcell.cameras)
+            add_cameras(builder, seen, workcell.cameras)
         self._pile = builder.AddNamedSystem("pile", _Pile(nominal_layout(workcell)))
         if meshcat is not None:
             # As fast as a replay is recorded: every picture costs as much as a step of the plant.
             pictures = MeshcatVisualizerParams(publish_period=1 / 16)
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, pictures)
+            MeshcatVisualizer.AddToBuilder(builder, seen, meshcat, pictures)
         builder.BuildInto(self)
         self.set_name("station")
 
@@ -238,28 +245,6 @@ class PlantStation(Diagram):
         parameter = self._pile.GetMyContextFromRoot(context).get_numeric_parameter(0).value()
         pile = parameter.reshape(NUM_ROBOT_DRAWS, -1, 3)
         self._put(context, cube, pile[(sequence - 1) % NUM_ROBOT_DRAWS, cube])
-
-    def wake(self, context: Context, component: int | None) -> None:
-        """Lets what nobody handles sleep: it stays where it is, and costs the solver nothing.
-
-        Awake are the component that the robot handles, keys that the person has, and what still moves. Whatever sleeps
-        is still there to be touched, as if it were heavy, and is awake when it is handled.
-
-        Args:
-            context: the station's or the whole diagram's.
-            component: index of that which the robot begins to handle, or still does; None if there is none.
-        """
-        plant_context = self.plant.GetMyMutableContextFromRoot(context)
-        taken = self._grip.GetOutputPort("key_taken").Eval(self._grip.GetMyContextFromRoot(context))
-        for k, (body, joint) in enumerate(zip(self._bodies, self._joints, strict=True)):
-            key = k - (len(self.components) - len(taken))
-            if k == component or (key >= 0 and taken[key]):
-                if joint.is_locked(plant_context):
-                    joint.Unlock(plant_context)
-            elif not joint.is_locked(plant_context):
-                velocity = self.plant.EvalBodySpatialVelocityInWorld(plant_context, body)
-                if np.linalg.norm(velocity.translational()) < _AT_REST:
-                    joint.Lock(plant_context)
 
     def component_pose(self, context: Context, k: int) -> RigidTransform:
         """X_WO of a component."""
@@ -320,26 +305,22 @@ class PlantStation(Diagram):
         builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
         builder.ExportOutput(contact.get_output_port(), "contact")
         builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
-        builder.ExportOutput(self.scene_graph.get_query_output_port(), "query_object")
 
-    def _add_person(self, builder: DiagramBuilder) -> Person:
-        person = builder.AddNamedSystem("person", Person(self.scene_graph))
+    def _add_person(self, builder: DiagramBuilder, seen: SceneGraph) -> None:
+        person = builder.AddNamedSystem("person", Person(seen))
         builder.ExportInput(person.GetInputPort("p_WH"), "p_WH")
-        builder.Connect(person.get_output_port(), self.scene_graph.get_source_pose_port(person.source_id))
+        builder.Connect(person.get_output_port(), seen.get_source_pose_port(person.source_id))
         keys = [
             (component, body)
             for component, body in zip(self.components, self._bodies, strict=True)
             if component.model == "allen_key"
         ]
-        self._grip = grip = builder.AddSystem(
-            HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance)
-        )
+        grip = builder.AddSystem(HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance))
         builder.ConnectInput("p_WH", grip.GetInputPort("p_WH"))
         for k, (component, _) in enumerate(keys):
             builder.Connect(self.plant.GetOutputPort(f"{component.name}_state"), grip.GetInputPort(f"key_{k + 1}"))
         builder.Connect(grip.GetOutputPort("applied_spatial_force"), self.plant.get_applied_spatial_force_input_port())
         builder.ExportOutput(grip.GetOutputPort("key_taken"), "key_taken")
-        return person
 
 
 class _Pile(LeafSystem):

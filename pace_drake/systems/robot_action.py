@@ -20,6 +20,7 @@ STOP_TIME = 0.25
 _SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE, _HELD = range(11)
 _LOCATED, _RELEASED, _DRAWN = slice(11, 14), 14, 15
 
+_JOINT = float(ActionKind.JOINT)
 #: [s] between two looks at whether the person's hand has what is held out to it.
 _HAND_PERIOD = 0.01
 #: [s] how old the place of a component may be for a motion to begin that fetches it.
@@ -224,7 +225,8 @@ class RobotAction(LeafSystem):
     def _motion(self, state: np.ndarray) -> Motion:
         """The motion that runs or ran last."""
         assert self._motions is not None
-        return self._motions.motion(ActionKind(int(state[_KIND])), int(state[_INDEX]), state[_LOCATED])
+        # An ActionKind is its number, and several times slower to make.
+        return self._motions.motion(int(state[_KIND]), int(state[_INDEX]), state[_LOCATED])  # type: ignore[arg-type]
 
     # ---- the path's clock
 
@@ -304,14 +306,14 @@ class RobotAction(LeafSystem):
     def _position(self, context: Context) -> np.ndarray:
         assert self._motions is not None
         state = self._state(context)
-        if state[_KIND] == ActionKind.NONE:
+        if not state[_KIND]:
             return self._motions.home
         return self._motion(state).position(self._fraction(context))
 
     def _gripper(self, context: Context) -> float:
         assert self._motions is not None
         state = self._state(context)
-        if state[_KIND] == ActionKind.NONE:
+        if not state[_KIND]:
             return self._motions.motion(ActionKind.ROBOT_TASK, 1).gripper_width(0.0)
         motion = self._motion(state)
         width, hand_over = motion.gripper_width(self._fraction(context)), motion.hand_over
@@ -420,7 +422,7 @@ class RobotAction(LeafSystem):
     def _watch_hand(self, context: Context, values: DiscreteValues) -> None:
         """Lets go of what the person has."""
         state = self._state(context)
-        if state[_KIND] != ActionKind.JOINT or not state[_ACTIVE] or state[_HELD] or state[_RELEASED] >= 0:
+        if state[_KIND] != _JOINT or not state[_ACTIVE] or state[_HELD] or state[_RELEASED] >= 0:
             return
         hand_over = self._motion(state).hand_over
         if hand_over is None or self._fraction(context) < hand_over.offered:

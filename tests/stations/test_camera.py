@@ -92,7 +92,7 @@ def test_a_cube_that_moved_is_seen_where_it_is_now(station, context):
 def test_nothing_is_rendered_in_the_scene_that_every_step_updates(station):
     """A renderer there would triple the time of a step."""
     assert station.GetSubsystemByName("scene_graph").RendererCount() == 0
-    assert station.GetSubsystemByName("camera_scene").RendererCount() == 1
+    assert station.GetSubsystemByName("seen_scene").RendererCount() == 1
 
 
 def test_a_disabled_camera_is_not_there():
