@@ -140,8 +140,17 @@ def test_a_file_in_no_folder_is_refused_before_anything_is_played(tmp_path, caps
 
 def test_a_plant_that_is_not_logged_is_refused(simulations):
     _, task = simulations
-    with pytest.raises(InputError, match="logged=True"):
-        next(play_workcell(task, task, 0, [0]))
+    scenario, policy = task.assembly.scenario, make_policy("never_assist", task.assembly.scenario)
+    unlogged = Assembly(
+        scenario,
+        policy,
+        station=make_plant_station(scenario.workcell),
+        motions=plan_motions(scenario.workcell, scenario.task.num_robot_tasks, scenario.task.num_joint_actions),
+        people=task.assembly.people,
+    )
+    for simulation in (task, Simulation(unlogged)):
+        with pytest.raises(InputError, match="logged=True"):
+            next(play_workcell(simulation, task, 0, [0]))
 
 
 # ---- figures
