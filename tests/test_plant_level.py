@@ -170,7 +170,7 @@ def test_a_stop_while_a_cube_is_carried_drops_nothing_and_the_sort_is_finished(s
 
 @pytest.mark.slow
 def test_what_follows_a_reset_is_that_of_a_fresh_simulation_bit_for_bit(sorting):
-    """After an episode in which cubes were moved and slept."""
+    """After an episode in which a cube was moved."""
     with_layout(sorting, 1)
     sorting.advance(9.0)
     fresh = Simulation(sorting.assembly)

@@ -113,3 +113,7 @@ def test_the_file_has_every_array_by_its_name(still, tmp_path):
         again = PlantLog(**{name: file[name] for name in file.files})
     for field in fields(log):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(log, field.name))
+    # Contacts that were not logged are not in it.
+    replace(log, contact=None).write(tmp_path / "joints.npz")
+    with np.load(tmp_path / "joints.npz", allow_pickle=False) as file:
+        assert set(file.files) == {field.name for field in fields(log)} - {"contact"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from pace_drake.diagram import Assembly
+from pace_drake.diagram import FULL_LOG, JOINT_LOG, Assembly
 from pace_drake.errors import InputError
 from pace_drake.evaluate.plant_log import LimitsKept
 from pace_drake.evaluate.workcell import (
@@ -47,7 +47,7 @@ def simulations():
     task, policy = scenario.task, make_policy(scenario.policy, scenario)
     motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
     station = make_plant_station(scenario.workcell)
-    plant = Assembly(scenario, policy, station=station, motions=motions, logged=True)
+    plant = Assembly(scenario, policy, station=station, motions=motions, logged=FULL_LOG)
     return Simulation(plant), Simulation(Assembly(scenario, policy, people=plant.people))
 
 
@@ -138,18 +138,19 @@ def test_a_file_in_no_folder_is_refused_before_anything_is_played(tmp_path, caps
     assert "no such folder" in capsys.readouterr().err
 
 
-def test_a_plant_that_is_not_logged_is_refused(simulations):
+def test_a_plant_whose_contacts_are_not_logged_is_refused(simulations):
     _, task = simulations
     scenario, policy = task.assembly.scenario, make_policy("never_assist", task.assembly.scenario)
-    unlogged = Assembly(
+    half_logged = Assembly(
         scenario,
         policy,
         station=make_plant_station(scenario.workcell),
         motions=plan_motions(scenario.workcell, scenario.task.num_robot_tasks, scenario.task.num_joint_actions),
         people=task.assembly.people,
+        logged=JOINT_LOG,
     )
-    for simulation in (task, Simulation(unlogged)):
-        with pytest.raises(InputError, match="logged=True"):
+    for simulation in (task, Simulation(half_logged)):
+        with pytest.raises(InputError, match="logged=FULL_LOG"):
             next(play_workcell(simulation, task, 0, [0]))
 
 

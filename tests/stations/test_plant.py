@@ -275,53 +275,6 @@ def test_the_pile_is_the_episode_s(station, simulator):
     assert not np.allclose(found[0], found[1], atol=1e-4)
 
 
-# ---- sleep
-
-
-def test_what_sleeps_stays_exactly_put_and_wakes_when_it_is_handled(station, simulator):
-    context = simulator.get_mutable_context()
-    station.set_layout(context, LAYOUT)
-    simulator.AdvanceTo(0.3)  # all rest
-    station.wake(context, None)
-    asleep = poses(station, context)
-    simulator.AdvanceTo(0.6)
-    np.testing.assert_array_equal(poses(station, context), asleep)
-    # It would fall if it were awake: put into the air it does not, until it is handled.
-    high = {k: RigidTransform([*asleep[k, :2, 3], 0.1]) for k in (CUBE, CUBE + 1)}
-    for k, X_WO in high.items():
-        put(station, context, k, X_WO)
-    simulator.AdvanceTo(0.7)
-    assert all(station.component_pose(context, k).translation()[2] == 0.1 for k in high)
-    station.wake(context, CUBE)
-    simulator.AdvanceTo(0.9)
-    assert station.component_pose(context, CUBE).translation()[2] < 0.03
-    assert station.component_pose(context, CUBE + 1).translation()[2] == 0.1
-    np.testing.assert_array_equal(poses(station, context)[2:], asleep[2:])
-
-
-def test_a_sleeping_component_can_still_be_touched(station, simulator):
-    """A cube set down on a sleeping one is borne by it."""
-    context = simulator.get_mutable_context()
-    simulator.AdvanceTo(0.3)
-    station.wake(context, CUBE)
-    below = station.component_pose(context, CUBE + 1).translation()
-    put(station, context, CUBE, RigidTransform([below[0], below[1], below[2] + 0.0405]))
-    simulator.AdvanceTo(0.5)
-    assert station.component_pose(context, CUBE).translation()[2] == pytest.approx(below[2] + 0.04, abs=2e-3)
-    np.testing.assert_array_equal(station.component_pose(context, CUBE + 1).translation(), below)
-
-
-def test_what_moves_is_not_put_to_sleep(station, simulator):
-    context = simulator.get_mutable_context()
-    put(station, context, CUBE, RigidTransform([0.6, -0.4, 0.4]))
-    simulator.AdvanceTo(0.1)  # it falls
-    falling = station.component_pose(context, CUBE).translation()[2]
-    assert 0.3 < falling < 0.39
-    station.wake(context, None)
-    simulator.AdvanceTo(0.2)
-    assert station.component_pose(context, CUBE).translation()[2] < falling - 0.05
-
-
 # ---- keys in the person's hand
 
 
@@ -365,14 +318,12 @@ def test_a_key_let_go_without_a_hand_falls(station, simulator):
     assert height < 0.3
 
 
-def test_a_key_in_the_hand_never_sleeps_and_follows_it(station, simulator):
+def test_a_key_in_the_hand_follows_it(station, simulator):
     context = simulator.get_mutable_context()
     X_WO = RigidTransform([0.9, 0.0, 0.4])
     put(station, context, KEY, X_WO)
     station.GetInputPort("p_WH").FixValue(context, X_WO @ HumanGrip.p_OEnd)
     simulator.AdvanceTo(0.2)
-    put(station, context, KEY, station.component_pose(context, KEY))  # stopped for an instant
-    station.wake(context, None)
     p_WH = X_WO @ HumanGrip.p_OEnd + [0.1, 0.05, 0.0]
     station.GetInputPort("p_WH").FixValue(context, p_WH)
     simulator.AdvanceTo(0.8)
@@ -380,7 +331,7 @@ def test_a_key_in_the_hand_never_sleeps_and_follows_it(station, simulator):
 
 
 def test_the_default_context_forgets_all_of_an_episode(station):
-    """Keys taken, sleep, layout and the pile: what follows is that of a fresh context, bit for bit."""
+    """Keys taken, layout and the pile: what follows is that of a fresh context, bit for bit."""
 
     def play(simulator):
         context = simulator.get_mutable_context()
@@ -411,8 +362,6 @@ def test_the_default_context_forgets_all_of_an_episode(station):
     put(station, context, KEY, X_WO)
     station.GetInputPort("p_WH").FixValue(context, X_WO @ HumanGrip.p_OEnd)
     station.GetInputPort("panda.position").FixValue(context, np.add(Workcell().home, 0.05))
-    used.AdvanceTo(0.3)
-    station.wake(context, CUBE)
     used.AdvanceTo(0.4)
     assert station.GetOutputPort("key_taken").Eval(context)[0] == 1
     station.SetDefaultContext(context)
