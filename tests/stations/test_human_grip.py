@@ -181,3 +181,17 @@ def test_when_the_right_hand_takes_another_key_the_first_goes_to_the_left_hand(b
         towards = (target - end) / np.linalg.norm(target - end)
         assert pull @ towards == pytest.approx(np.linalg.norm(pull))
         assert np.linalg.norm(pull) > 0.1
+
+
+def test_the_length_of_the_quaternion_does_not_matter(bench):
+    """The plant's time stepping does not keep it at 1: it grows while a key swings."""
+    bench.key(1, HELD, w=(0.0, 2.0, -1.0), v=(0.1, 0.0, 0.2))
+    bench.hand(END)
+    bench.look()
+    bench.hand(near(HELD, 0.02))
+    unit = bench.forces()[0].F_Bq_W.get_coeffs().copy()
+    port = bench.dut.GetInputPort("key_1")
+    state = port.Eval(bench.context).copy()
+    state[:4] *= 1.5
+    port.FixValue(bench.context, state)
+    np.testing.assert_allclose(bench.forces()[0].F_Bq_W.get_coeffs(), unit, atol=1e-9)

@@ -444,6 +444,16 @@ def test_a_motion_leads_to_where_its_component_was_when_it_began(fetching):
         fetching.put(component_poses=lying((0.3, -0.5, 0.2), (0.4, 0.6, -2.8)), component_ages=[0.0, 0.0])
 
 
+def test_the_yaw_is_found_whatever_the_length_of_the_quaternion(fetching):
+    """The plant's time stepping does not keep it at 1."""
+    poses = lying((0.3, -0.5, 1.2), (0.0, 0.0, 0.0))
+    poses[:4] *= 1.2
+    fetching.put(component_poses=poses)
+    fetching.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    end = LineMotions().motion(ActionKind.ROBOT_TASK, 1, np.array([0.3, -0.5, 1.2])).end
+    np.testing.assert_allclose(fetching.out("position", 60.0), end, atol=1e-12)
+
+
 def test_a_motion_goes_on_after_a_hold_whatever_is_seen(fetching):
     fetching.put(component_poses=lying((0.3, -0.5, 0.2), (0.0, 0.0, 0.0)))
     fetching.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
