@@ -77,7 +77,7 @@ def test_the_scenario_switches(stand_in, monkeypatch):
     real = robot_looks.wear_drake_models
     monkeypatch.setattr(plant_module, "wear_drake_models", lambda *arguments: real(*arguments, stand_in[0]))
     station = make_plant_station(Workcell(robot_model="drake_models"))
-    worn = shapes(station.GetSubsystemByName("plant"), station.GetSubsystemByName("scene_graph"), Role.kIllustration)
+    worn = shapes(station.GetSubsystemByName("plant"), station.GetSubsystemByName("seen_scene"), Role.kIllustration)
     assert {type(shape) for of in worn.values() for shape in of} == {Mesh}
 
 
