@@ -9,20 +9,21 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 #: [s] between looks at whether the hand is at a key.
 _PERIOD = 0.01
-_STIFFNESS = 60.0  # [N/m] of the grip; with a key of 0.1 kg it settles in a tenth of a second
-_DAMPING = 3.0  # [N s/m]
+# Of the grip. The forces are explicit, so they must be soft against a key, which turns easily about its long axis
+# (1.4e-5 kg m^2), and the plant's step of 5 ms.
+_STIFFNESS = 40.0  # [N/m]
+_DAMPING = 1.5  # [N s/m]
 _TURN_DAMPING = 1e-3  # [N m s]
-_MAX_FORCE = 10.0  # [N]
+_MAX_FORCE = 2.0  # [N]
 _GRAVITY = 9.81  # [m/s^2]
 
 
 class HumanGrip(LeafSystem):
-    """Forces of the person's hands on Allen keys, which they take by the short end and never give back.
+    """Forces of the person's right hand on Allen keys, which it takes by the short end and never gives back.
 
     A key is taken when the right hand comes within ``reach`` of its short end while it is held up. The hand then pulls
-    the end to itself with a spring and a damper, and bears the key's weight; whoever else holds the key feels it. When
-    the right hand takes another key, the one before goes over to the left hand. Keys and hands are forces only: the
-    hand's shape pushes nothing.
+    the end to itself with a spring and a damper, and bears the key's weight; whoever else holds the key feels it. Two
+    keys are held in one hand. It is forces only: the hand's shape pushes nothing.
 
     Inputs:
         p_WH (3) [m]: the right hand.
@@ -41,7 +42,6 @@ class HumanGrip(LeafSystem):
 
     Args:
         bodies: of the keys.
-        p_WLeft: (3) [m] the left hand.
         reach: [m]
         held_up: [m] least height of a key that is held out.
     """
@@ -49,13 +49,12 @@ class HumanGrip(LeafSystem):
     p_OEnd = np.array([-0.06, 0.02, 0.006])
     """[m] middle of the short arm, in the key's frame (models/allen_key.sdf)."""
 
-    def __init__(self, bodies: list[RigidBody], p_WLeft: np.ndarray, reach: float, held_up: float = 0.1) -> None:
+    def __init__(self, bodies: list[RigidBody], reach: float, held_up: float = 0.1) -> None:
         super().__init__()
         self.set_name("human_grip")
         self._bodies, self._reach, self._held_up = bodies, reach, held_up
         self._weights = [body.default_mass() * _GRAVITY for body in bodies]
         self._p_OEnd = self.p_OEnd.tolist()
-        self._p_WLeft = np.asarray(p_WLeft, dtype=float)
         self._p_WH = self.DeclareVectorInputPort("p_WH", BasicVector(3))
         self._keys = [self.DeclareVectorInputPort(f"key_{k + 1}", BasicVector(13)) for k in range(len(bodies))]
         self.DeclareDiscreteState(len(bodies))
@@ -79,11 +78,13 @@ class HumanGrip(LeafSystem):
         # By components: numpy takes ten times as long over so few numbers, and this is done at every step.
         w, x, y, z, px, py, pz, wx, wy, wz, vx, vy, vz = state.tolist()
         ox, oy, oz = self._p_OEnd
-        # p_OEnd_W = p + 2 w (u x p) + 2 u x (u x p), u the quaternion's vector part.
+        # p_OEnd_W = p + 2 w (u x p) + 2 u x (u x p), u the quaternion's vector part; a plant's quaternions are not
+        # normalised, and grow while a body turns.
+        s = 2.0 / (w * w + x * x + y * y + z * z)
         ux, uy, uz = y * oz - z * oy, z * ox - x * oz, x * oy - y * ox
-        ox += 2 * (w * ux + y * uz - z * uy)
-        oy += 2 * (w * uy + z * ux - x * uz)
-        oz += 2 * (w * uz + x * uy - y * ux)
+        ox += s * (w * ux + y * uz - z * uy)
+        oy += s * (w * uy + z * ux - x * uz)
+        oz += s * (w * uz + x * uy - y * ux)
         return (
             np.array([px + ox, py + oy, pz + oz]),
             np.array([vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox]),
@@ -105,10 +106,10 @@ class HumanGrip(LeafSystem):
         taken = self._taken(context)
         forces = []
         for k in np.flatnonzero(taken):
-            target = self._p_WH.Eval(context) if taken[k] == taken.max() else self._p_WLeft
+            p_WH = self._p_WH.Eval(context)
             state = self._keys[k].Eval(context)
             p_WEnd, v_WEnd = self._end(state)
-            pull = _STIFFNESS * (target - p_WEnd)
+            pull = _STIFFNESS * (p_WH - p_WEnd)
             pull *= min(1.0, _MAX_FORCE / max(float(np.linalg.norm(pull)), 1e-9))
             force = ExternallyAppliedSpatialForce()
             force.body_index = self._bodies[k].index()

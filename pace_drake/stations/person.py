@@ -103,9 +103,6 @@ class Person(LeafSystem):
         geometry_pose: FramePoseVector of the trunk, upper arm and hand frames. Depends on p_WH only.
     """
 
-    p_WLeft = np.array([1.28, -0.215, 0.08])
-    """[m] the left hand, trunk upright."""
-
     def __init__(self, scene_graph: SceneGraph) -> None:
         """Registers the person's geometry with ``scene_graph``; connect its pose port for ``source_id`` afterwards."""
         super().__init__()

@@ -77,7 +77,8 @@ def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Wor
     """Adds the components, free to move, where they nominally lie; model instances by ``components``' names.
 
     What stands still is touched by the small spheres of a component alone: they bear it, and pairs of boxes that never
-    meet are what would take most of the time. Allen keys pass through the chair: the person puts them into its screws.
+    meet are what would take most of the time. Allen keys pass through the chair, into whose screws the
+    person puts them, and through each other, as one hand holds both.
     """
     inspector = scene_graph.model_inspector()
     still, chair = (GeometrySet(_geometries_of(plant, names)) for names in (_STILL, ("chair_base",)))
@@ -95,6 +96,7 @@ def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Wor
         else:
             keys.Add(geometries)
     passing = CollisionFilterDeclaration().ExcludeBetween(boxes, still).ExcludeBetween(keys, chair)
+    passing.ExcludeWithin(keys)
     scene_graph.collision_filter_manager().Apply(passing)
     add_tags(plant, [component.name for component in components(workcell)])
 
@@ -146,8 +148,8 @@ class PlantStation(Diagram):
         panda.velocity_estimated (7) [rad/s]
         panda.torque_external (7) [N m]: generalized contact forces, zero until the first step.
         gripper.state_measured (2) [m, m/s]: width and its rate.
-        component_poses (7 n): quaternion w, x, y, z and position [m] of each component, in the order of
-            ``pace_drake.stations.components.components``: the truth.
+        component_poses (7 n): quaternion w, x, y, z (not normalised) and position [m] of each component, in the order
+            of ``pace_drake.stations.components.components``: the truth.
         key_taken: see ``HumanGrip``.
         contact (2): see ``ContactMonitor``.
         contact_results: Drake's ContactResults.
@@ -315,7 +317,7 @@ class PlantStation(Diagram):
             for component, body in zip(self.components, self._bodies, strict=True)
             if component.model == "allen_key"
         ]
-        grip = builder.AddSystem(HumanGrip([body for _, body in keys], Person.p_WLeft, self.workcell.release_distance))
+        grip = builder.AddSystem(HumanGrip([body for _, body in keys], self.workcell.release_distance))
         builder.ConnectInput("p_WH", grip.GetInputPort("p_WH"))
         for k, (component, _) in enumerate(keys):
             builder.Connect(self.plant.GetOutputPort(f"{component.name}_state"), grip.GetInputPort(f"key_{k + 1}"))

@@ -417,7 +417,7 @@ class RobotAction(LeafSystem):
         if self._ages.Eval(context)[number] > MAX_COMPONENT_AGE:
             return None
         w, x, y, z, *p_WO = self._poses.Eval(context)[7 * number : 7 * number + 7]
-        return np.array([p_WO[0], p_WO[1], atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))])
+        return np.array([p_WO[0], p_WO[1], atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)])
 
     def _watch_hand(self, context: Context, values: DiscreteValues) -> None:
         """Lets go of what the person has."""
