@@ -13,7 +13,7 @@ from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.stations.arm_capsules import load_arm_capsules
-from pace_drake.stations.components import component_index, components
+from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
 from pace_drake.stations.plant import PlantStation
@@ -277,15 +277,14 @@ class Assembly(Diagram):
                 builder.Connect(located, port)
                 builder.ExportOutput(located, f"located_{port.get_name()}")
             return
-        found = components(scenario.workcell)
         if station.HasOutputPort("component_poses"):
             builder.Connect(station.GetOutputPort("component_poses"), inputs[0])
         else:
-            nominal = [component.nominal.to_rigid_transform() for component in found]
-            poses = [np.append(X_WO.rotation().ToQuaternion().wxyz(), X_WO.translation()) for X_WO in nominal]
-            source = builder.AddNamedSystem("component_poses", ConstantVectorSource(np.concatenate(poses)))
-            builder.Connect(source.get_output_port(), inputs[0])
-        ages = builder.AddNamedSystem("component_ages", ConstantVectorSource(np.zeros(len(found))))
+            source = ConstantVectorSource(nominal_poses(scenario.workcell))
+            builder.Connect(builder.AddNamedSystem("component_poses", source).get_output_port(), inputs[0])
+        ages = builder.AddNamedSystem(
+            "component_ages", ConstantVectorSource(np.zeros(len(components(scenario.workcell))))
+        )
         builder.Connect(ages.get_output_port(), inputs[1])
 
     def set_layout(self, context: Context, layout: Layout) -> None:

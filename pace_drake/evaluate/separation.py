@@ -13,12 +13,14 @@ import numpy as np
 from numba import njit
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from pace_drake.safety.config import SafetyConfig
 from pace_drake.safety.proximity import ArmCapsules
 from pace_drake.safety.separation import protective_distance
 from pace_drake.scenario import Scenario
 from pace_drake.stations.arm_capsules import load_arm_capsules
+from pace_drake.stations.components import nominal_poses
 from pace_drake.stations.motions import MotionLibrary, plan_motions
 from pace_drake.stations.person import LIMB_RADII, limb_segments
 from pace_drake.systems.robot_action import STOP_TIME, Pacing, RobotAction
@@ -93,20 +95,26 @@ class SeparationBench:
         builder = DiagramBuilder()
         config = self.config
         pacing = Pacing(period=config.period, look_ahead=config.reaction_time + config.period + STOP_TIME / 2)
-        self.robot_action = builder.AddSystem(RobotAction(task, self.motions, pacing=pacing))
+        poses = nominal_poses(scenario.workcell)
+        n = len(poses) // 7
+        self.robot_action = builder.AddSystem(RobotAction(task, self.motions, n, pacing=pacing))
+        for name, values in (("component_poses", poses), ("component_ages", np.zeros(n))):
+            source = builder.AddSystem(ConstantVectorSource(values))
+            builder.Connect(source.get_output_port(), self.robot_action.GetInputPort(name))
         self.monitor = builder.AddSystem(SafetyMonitor(config, self.arm))
-        for source, target in (
+        for output, target in (
             ("path_position", "path_position"),
             ("path_velocity", "path_velocity"),
             ("motion_progress", "motion_progress"),
             ("position", "position_measured"),
         ):
-            builder.Connect(self.robot_action.GetOutputPort(source), self.monitor.GetInputPort(target))
+            builder.Connect(self.robot_action.GetOutputPort(output), self.monitor.GetInputPort(target))
         builder.Connect(
             self.robot_action.GetOutputPort("position"), self.robot_action.GetInputPort("position_measured")
         )
         builder.Connect(self.monitor.GetOutputPort("speed_scale"), self.robot_action.GetInputPort("speed_scale"))
         builder.ExportInput(self.monitor.GetInputPort("p_WH"), "p_WH")
+        builder.ConnectInput("p_WH", self.robot_action.GetInputPort("p_WH"))
         builder.ExportInput(self.monitor.GetInputPort("hand_age"), "hand_age")
         builder.ExportInput(self.robot_action.GetInputPort("robot_action"), "robot_action")
         for name in ("hand_distance", "stop", "speed_scale"):

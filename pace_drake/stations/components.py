@@ -88,6 +88,12 @@ def components(workcell: Workcell) -> list[Component]:
     ]
 
 
+def nominal_poses(workcell: Workcell) -> np.ndarray:
+    """(7 n) quaternion w, x, y, z and position [m] of all components in the middle of their zones."""
+    poses = [component.nominal.to_rigid_transform() for component in components(workcell)]
+    return np.concatenate([np.append(X_WO.rotation().ToQuaternion().wxyz(), X_WO.translation()) for X_WO in poses])
+
+
 def component_index(workcell: Workcell, kind: ActionKind, index: int) -> int | None:
     """Which component, as an index into ``components``, an action fetches; None if it fetches none.
 
