@@ -41,7 +41,7 @@ def replay(path: Path) -> None:
     run = path.with_suffix(".run")
     shutil.rmtree(run, ignore_errors=True)
     pace("run", "ikea_chair", "--level", "plant", "--seed", "1", "--out", run)
-    pace("view", run, "--screenshot", path, "--at", "52")
+    pace("view", run, "--screenshot", path, "--at", "65.5")
     shutil.rmtree(run)
 
 

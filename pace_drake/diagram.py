@@ -80,7 +80,8 @@ class Assembly(Diagram):
         motions: planned motions; needed with a station.
         people: None loads those of the scenario.
         logged: outputs of the station to be logged at every step of the plant (``plant_log``), such as ``JOINT_LOG``
-            or ``FULL_LOG``; the desired position is then logged, too.
+            or ``FULL_LOG``; then the desired position is logged, too, and at every look of a safety monitor
+            its hand_distance and speed_scale.
         reaction_period: None: events at exact times, advanced by ``pace_drake.simulation.Simulation``; a period [s]:
             the logic updates periodically, for any Simulator and for hardware.
 
@@ -241,6 +242,10 @@ class Assembly(Diagram):
             logs["position_desired"] = self.robot_action.GetOutputPort("position")
             for name, port in logs.items():
                 self.plant_log[name] = LogVectorOutput(port, builder, scenario.workcell.time_step)
+            if self.safety_monitor is not None:
+                for name in ("hand_distance", "speed_scale"):
+                    port = self.safety_monitor.GetOutputPort(name)
+                    self.plant_log[name] = LogVectorOutput(port, builder, scenario.safety.period)
         for source, names in (
             (
                 self.task_statechart,

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from pace_drake.diagram import Assembly
+from pace_drake.evaluate.workcell import WorkcellRecorder
 from pace_drake.policies.factory import make_policy
+from pace_drake.scenario import load_scenario
 from pace_drake.simulation import Simulation
 from pace_drake.stations.motions import plan_motions
 from pace_drake.stations.plant import make_plant_station
@@ -66,3 +68,51 @@ def test_the_operators_stop_still_stops(started):
     started.interrupt()
     started.advance(2.6)
     assert started.output("robot_action")[0] != 6
+
+
+def test_a_person_who_reaches_into_the_path_slows_and_stops_the_robot_and_nothing_is_dropped(tmp_path):
+    """A hand that comes over the sorting table while a cube is carried there, stays, and goes again."""
+    times = np.arange(0.0, 30.05, 0.1)
+    away, there = np.array([0.95, 0.10, 0.25]), np.array([0.38, -0.42, 0.22])
+    share = np.interp(times, [2.5, 4.0, 9.0, 10.5], [0.0, 1.0, 1.0, 0.0])[:, None]
+    p_WH = away + share * (there - away)
+    rows = [f"{t:.1f},{x:.4f},{y:.4f},{z:.4f}" for t, (x, y, z) in zip(times, p_WH, strict=True)]
+    hand = tmp_path / "hand.csv"
+    hand.write_text("\n".join(["time,x,y,z", *rows]) + "\n")
+    scenario = load_scenario(
+        "ikea_chair",
+        (
+            f"human.demonstrations={hand}",
+            "human.workplace=[]",
+            "human.pace_correlation=0",
+            "task.human_actions.0.duration={mean: 30, cv: 0}",
+            "policy=never_assist",
+        ),
+    )
+    motions = plan_motions(scenario.workcell, scenario.task.num_robot_tasks, scenario.task.num_joint_actions)
+    station = make_plant_station(scenario.workcell)
+    policy = make_policy("never_assist", scenario)
+    simulation = Simulation(Assembly(scenario, policy, station=station, motions=motions))
+    recorder = WorkcellRecorder()
+    simulation.listeners = (recorder,)
+    simulation.reset(simulation.sample_episode(np.random.default_rng(0)))
+    scales, distances, moved = [], [], []
+    before = simulation.output("panda.position_measured").copy()
+    while simulation.time < 24.0:
+        simulation.advance(simulation.time + 0.1)
+        now = simulation.output("panda.position_measured").copy()
+        scales.append(simulation.output("speed_scale")[0])
+        distances.append(simulation.output("hand_distance")[0])
+        moved.append(np.max(np.abs(now - before)))
+        before = now
+    scales, distances, moved = np.array(scales), np.array(distances), np.array(moved)
+    assert np.all(scales[:20] == 1.0)
+    assert np.any((scales > 0.0) & (scales < 1.0))  # it slows
+    assert scales.min() == pytest.approx(0.0, abs=0.05)  # it stops
+    assert np.max(moved[60:88]) < 0.01
+    assert np.all(scales[120:] > 0.5)  # it goes on by itself
+    assert np.mean(scales[120:]) > 0.95
+    assert simulation.output("safety_stop")[0] == 0.0
+    assert len(recorder.sorts) >= 2
+    assert all(sort.good for sort in recorder.sorts)  # and the cube that it held is in its tray
+    assert distances.min() > 0.03

@@ -20,6 +20,9 @@ class PlantLog:
         velocity: (n, 7) [rad/s]
         gripper: (n, 2) [m, m/s] width and its rate.
         contact: (n, 2) largest penetration [m], number of contacts of the robot with itself; None if it was not logged.
+        look_time: (k) [s] looks of the safety monitor; None without one, as the following.
+        hand_distance: (k) [m] least distance of arm and hand.
+        speed_scale: (k) [-] to which the arm was slowed.
     """
 
     time: np.ndarray
@@ -28,6 +31,9 @@ class PlantLog:
     velocity: np.ndarray
     gripper: np.ndarray
     contact: np.ndarray | None
+    look_time: np.ndarray | None = None
+    hand_distance: np.ndarray | None = None
+    speed_scale: np.ndarray | None = None
 
     @classmethod
     def of(cls, simulation: Simulation) -> "PlantLog":
@@ -41,6 +47,9 @@ class PlantLog:
             velocity=data["panda.velocity_estimated"],
             gripper=data["gripper.state_measured"],
             contact=data.get("contact"),
+            look_time=logs["hand_distance"].sample_times().copy() if "hand_distance" in logs else None,
+            hand_distance=data["hand_distance"][:, 0] if "hand_distance" in data else None,
+            speed_scale=data["speed_scale"][:, 0] if "speed_scale" in data else None,
         )
 
     def write(self, path: Path) -> None:

@@ -130,6 +130,8 @@ class WorkcellEpisode:
         side_error: [m] of the chair's side from its place on the rails.
         keys_taken: how many Allen keys the person has.
         limits: how near the arm came to its limits.
+        hand_distance: [m] least, of arm and hand; None without a safety monitor, as the next.
+        slowed: [-] share of the looks at which the safety monitor slowed the arm.
         same_decisions: whether the task level, given the same durations, decides the same.
         memory: [bytes] resident, of the process, after the episode.
     """
@@ -144,6 +146,8 @@ class WorkcellEpisode:
     side_error: float
     keys_taken: int
     limits: LimitsKept
+    hand_distance: float | None
+    slowed: float | None
     same_decisions: bool
     memory: int
 
@@ -183,7 +187,8 @@ def play_workcell(
         task.listeners = (again,)
         task.reset(with_durations(episode, recorder.commands))
         task.run()
-        limits = check_limits(PlantLog.of(plant), station)
+        log = PlantLog.of(plant)
+        limits = check_limits(log, station)
         side = next(k for k, component in enumerate(station.components) if component.model == "chair_side")
         placed = station.workcell.chair_side_placed.to_rigid_transform()
         gc.collect()
@@ -200,6 +205,8 @@ def play_workcell(
             ),
             keys_taken=int(np.count_nonzero(plant.output("key_taken"))),
             limits=limits,
+            hand_distance=None if log.hand_distance is None else float(log.hand_distance.min()),
+            slowed=None if log.speed_scale is None else float(np.mean(log.speed_scale < 1)),
             same_decisions=recorder.decisions == again.decisions,
             memory=psutil.Process().memory_info().rss,
         )
@@ -233,6 +240,8 @@ def summarize(played: list[WorkcellEpisode], num_joint_actions: int) -> dict:
         "largest_tracking_error": max(limit.tracking for limit in limits),
         "largest_penetration": max(limit.penetration for limit in limits),
         "self_contacts": sum(limit.self_contacts for limit in limits),
+        "least_hand_distance": min((e.hand_distance for e in played if e.hand_distance is not None), default=None),
+        "slowed": max((e.slowed for e in played if e.slowed is not None), default=None),
         "same_decisions_as_task_level": sum(episode.same_decisions for episode in played),
         "memory_growth_after_the_first": last.memory - first.memory,
         "each": [{**asdict(episode), "sorts": [asdict(sort) for sort in episode.sorts]} for episode in played],
@@ -262,6 +271,12 @@ def table(summary: dict) -> Table:
         ("  largest share of an acceleration limit", f"{100 * summary['largest_share_of_acceleration_limit']:.0f} %"),
         ("  largest tracking error", f"{summary['largest_tracking_error']:.4f} rad"),
         ("largest penetration", f"{1e3 * summary['largest_penetration']:.2f} mm"),
+        (
+            "least distance of arm and hand; share of an episode slowed, at most",
+            "not monitored"
+            if summary["least_hand_distance"] is None
+            else f"{summary['least_hand_distance']:.3f} m, {100 * summary['slowed']:.0f} %",
+        ),
         ("same decisions at the task level, given the durations", f"{summary['same_decisions_as_task_level']} of {n}"),
         (
             "times faster than real time: wall, CPU time",

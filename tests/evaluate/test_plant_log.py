@@ -107,7 +107,9 @@ def test_steps_with_self_contact_are_counted_and_forbidden(station, still):
 
 def test_the_file_has_every_array_by_its_name(still, tmp_path):
     rng = np.random.default_rng(0)
-    log = PlantLog(**{field.name: rng.normal(size=getattr(still, field.name).shape) for field in fields(still)})
+    looks = {name: np.zeros(5) for name in ("look_time", "hand_distance", "speed_scale")}
+    full = replace(still, **looks)
+    log = PlantLog(**{field.name: rng.normal(size=getattr(full, field.name).shape) for field in fields(full)})
     log.write(tmp_path / "plant.npz")
     with np.load(tmp_path / "plant.npz", allow_pickle=False) as file:
         again = PlantLog(**{name: file[name] for name in file.files})

@@ -198,6 +198,8 @@ def made_up(number, **values):
         side_error=0.002,
         keys_taken=2,
         limits=GOOD,
+        hand_distance=0.2,
+        slowed=0.1,
         same_decisions=True,
         memory=2**30,
     )
@@ -238,6 +240,15 @@ def test_the_summary_counts_and_takes_the_worst():
     assert summary["self_contacts"] == 4
     assert summary["memory_growth_after_the_first"] == 2**20
     assert json.loads(json.dumps(summary, allow_nan=False))["each"][1]["sorts"][0]["error"] == 0.2
+
+
+def test_the_nearest_hand_and_the_slowest_episode_are_named():
+    summary = summarize([made_up(0), made_up(1, hand_distance=0.1), made_up(2, slowed=0.3)], 3)
+    assert (summary["least_hand_distance"], summary["slowed"]) == (0.1, 0.3)
+    row = next(value for name, value in table(summary).rows if "hand;" in name)
+    assert row == "0.100 m, 30 %"
+    unseen = summarize([made_up(0, hand_distance=None, slowed=None)], 3)
+    assert next(value for name, value in table(unseen).rows if "hand;" in name) == "not monitored"
 
 
 def test_the_table_says_what_the_summary_does():
