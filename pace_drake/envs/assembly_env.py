@@ -119,7 +119,11 @@ class PaceAssemblyEnv(gym.Env):
         if self.render_mode == "rgb_array":
             self._events = []
             self.simulation.listeners = (EventRecorder(self._write),)
-        self.simulation.reset(episode)
+        layout = None
+        if self.simulation.assembly.station is not None:
+            # Of a generator of its own, so that the next episode's people are those of the task level.
+            layout = self.simulation.sample_layout(self.np_random.spawn(1)[0])
+        self.simulation.reset(episode, layout)
         stop = self._advance()
         assert stop == Stop.DECISION
         self._cost = self._time = 0.0
