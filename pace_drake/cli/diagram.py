@@ -83,4 +83,5 @@ def _assembly(name: str, level: str, policy: str | None, overrides: tuple[str, .
 
     task = scenario.task
     motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
-    return Assembly(scenario, chosen, station=make_plant_station(scenario.workcell), motions=motions)
+    station = make_plant_station(scenario.workcell, cameras=scenario.perception == "cameras")
+    return Assembly(scenario, chosen, station=station, motions=motions)

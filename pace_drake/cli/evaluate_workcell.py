@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from pace_drake.cli.outputs import check_outputs, json_option, write_json
-from pace_drake.cli.tables import rich_table
+from pace_drake.cli.tables import rich_table, wide_console
 
 
 @click.command("workcell", short_help="Sorts, joint actions and limits at the plant level.")
@@ -23,7 +23,6 @@ def workcell(
     """
     check_outputs(json_file, None)
 
-    from rich.console import Console
     from rich.progress import track
 
     from pace_drake.diagram import FULL_LOG, Assembly
@@ -39,10 +38,10 @@ def workcell(
     chosen = make_policy(policy or loaded.policy, loaded)
     people, task = load_people(loaded), loaded.task
     motions = plan_motions(loaded.workcell, task.num_robot_tasks, task.num_joint_actions)
-    station = make_plant_station(loaded.workcell)
+    station = make_plant_station(loaded.workcell, cameras=loaded.perception == "cameras")
     plant = Simulation(Assembly(loaded, chosen, station=station, motions=motions, people=people, logged=FULL_LOG))
     alone = Simulation(Assembly(loaded, chosen, people=people))
-    console = Console()
+    console = wide_console()
     numbers = track(range(episodes), description="episodes", console=console, transient=True)
     played = list(play_workcell(plant, alone, seed, numbers))
     summary = summarize(played, task.num_joint_actions)

@@ -272,7 +272,7 @@ def table(summary: dict) -> Table:
         ("  largest tracking error", f"{summary['largest_tracking_error']:.4f} rad"),
         ("largest penetration", f"{1e3 * summary['largest_penetration']:.2f} mm"),
         (
-            "least distance of arm and hand; share of an episode slowed, at most",
+            "least distance of arm and hand; most of an episode slowed",
             "not monitored"
             if summary["least_hand_distance"] is None
             else f"{summary['least_hand_distance']:.3f} m, {100 * summary['slowed']:.0f} %",
