@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from pace_drake.diagram import FULL_LOG, JOINT_LOG, Assembly
 from pace_drake.errors import InputError
-from pace_drake.evaluate.plant_log import LimitsKept
+from pace_drake.evaluate.plant_log import LimitsKept, PlantLog
 from pace_drake.evaluate.workcell import (
     Command,
     Sort,
@@ -69,6 +69,13 @@ def test_the_robot_does_what_the_task_level_says(played, simulations):
     assert played.joint_actions == 3
     assert played.side_error < 0.01
     assert played.keys_taken == 2
+    # The hand was near in the hand-overs, never in the arm; and at every look it was known.
+    plant, _ = simulations
+    log = PlantLog.of(plant)
+    assert played.hand_distance == log.hand_distance.min()
+    assert 0.0 < played.hand_distance < 0.1
+    assert played.slowed == np.mean(log.speed_scale < 1)
+    assert np.diff(log.look_time) == pytest.approx(plant.assembly.scenario.safety.period)
     assert played.same_decisions
     # That says something: the task level did decide, both ways.
     _, task = simulations

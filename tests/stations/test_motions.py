@@ -234,7 +234,7 @@ def test_planning_is_deterministic_and_kept_on_disk(library, tmp_path, monkeypat
                     getattr(other.motion(kind, index), name), getattr(library.motion(kind, index), name)
                 )
     # Another workcell has other plans, and a damaged file is made anew.
-    plan_motions(replace(Workcell(), carry_height=0.34), 0, 1)
+    plan_motions(replace(Workcell(), carry_height=0.34), 1, 1)
     assert len(list(tmp_path.iterdir())) == 2
     file.write_bytes(file.read_bytes()[:1000])
     assert len(plan_motions(Workcell(), 1, 1)) == 5
