@@ -18,7 +18,7 @@ from zipfile import BadZipFile
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform
-from pydrake.trajectories import PiecewisePolynomial, Trajectory
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from pace_drake.errors import InputError
 from pace_drake.files import cache_folder, write_whole
@@ -33,7 +33,7 @@ from pace_drake.task import ActionKind
 
 _HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
 _FETCHING = frozenset((ActionKind.ROBOT_TASK, ActionKind.PREPARE))
-_NUM_KEPT = 512  # located motions in memory
+_NUM_KEPT = 16  # located motions in memory
 _PLANS = 2  # version of what is written to the cache
 
 
@@ -79,14 +79,14 @@ class Motion:
         return float(self.times[-1])
 
     @cached_property
-    def trajectory(self) -> PiecewisePolynomial:
-        """(7) [rad] over [0, duration]."""
-        return PiecewisePolynomial.CubicHermite(self.times, self.positions.T, self.velocities.T)
+    def _spline(self) -> CubicHermiteSpline:
+        """(7) [rad] over [0, duration]; a tenth of the memory of Drake's PiecewisePolynomial."""
+        return CubicHermiteSpline(self.times, self.positions, self.velocities)
 
     @cached_property
-    def _rate(self) -> Trajectory:
+    def _rate(self) -> PPoly:
         """(7) [rad/s] over [0, duration]."""
-        return self.trajectory.MakeDerivative()
+        return self._spline.derivative()
 
     def position(self, fraction: float) -> np.ndarray:
         """Returns the (7) joint positions [rad] at a fraction of the motion, clamped to [0, 1].
@@ -94,16 +94,16 @@ class Motion:
         The time-optimal trajectory is scaled linearly in time: replayed in ``k`` times its duration, it has 1/k of its
         velocities and 1/k^2 of its accelerations.
         """
-        return self.trajectory.value(min(max(fraction, 0.0), 1.0) * self.duration)[:, 0]
+        return self._spline(min(max(fraction, 0.0), 1.0) * self.duration)
 
     def path_positions(self, fractions: np.ndarray) -> np.ndarray:
         """Returns the (n, 7) joint positions [rad] at fractions (n) of the motion, clamped to [0, 1]."""
-        return self.trajectory.vector_values(np.clip(fractions, 0.0, 1.0) * self.duration).T
+        return self._spline(np.clip(fractions, 0.0, 1.0) * self.duration)
 
     def path_velocities(self, fractions: np.ndarray) -> np.ndarray:
         """Returns the (n, 7) joint velocities [rad/s] at fractions (n) of the motion at full speed; 0 beyond it."""
         inside = (fractions >= 0.0) & (fractions <= 1.0)
-        return self._rate.vector_values(np.clip(fractions, 0.0, 1.0) * self.duration).T * inside[:, None]
+        return self._rate(np.clip(fractions, 0.0, 1.0) * self.duration) * inside[:, None]
 
     def gripper_width(self, fraction: float) -> float:
         """Returns the desired width [m] between the fingers at a fraction of the motion, clamped to [0, 1]."""

@@ -78,10 +78,11 @@ def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Wor
 
     What stands still is touched by the small spheres of a component alone: they bear it, and pairs of boxes that never
     meet are what would take most of the time. Allen keys pass through the chair, into whose screws the
-    person puts them, and through each other, as one hand holds both.
+    person puts them, through the table under it, as the hand does, and through each other, as one hand holds both.
     """
     inspector = scene_graph.model_inspector()
     still, chair = (GeometrySet(_geometries_of(plant, names)) for names in (_STILL, ("chair_base",)))
+    reached = GeometrySet(_geometries_of(plant, ("assembly_table",)))
     still.Add([g for k in range(len(workcell.trays)) for g in _geometries_of(plant, (f"tray_{k + 1}",))])
     boxes, keys = GeometrySet(), GeometrySet()
     for k, component in enumerate(components(workcell)):
@@ -96,7 +97,7 @@ def add_components(plant: MultibodyPlant, scene_graph: SceneGraph, workcell: Wor
         else:
             keys.Add(geometries)
     passing = CollisionFilterDeclaration().ExcludeBetween(boxes, still).ExcludeBetween(keys, chair)
-    passing.ExcludeWithin(keys)
+    passing.ExcludeBetween(keys, reached).ExcludeWithin(keys)
     scene_graph.collision_filter_manager().Apply(passing)
     add_tags(plant, [component.name for component in components(workcell)])
 

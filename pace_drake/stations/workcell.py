@@ -146,8 +146,8 @@ class Workcell:
 
     chair_side: Pose = field(default_factory=lambda: Pose(translation=[0.35, 0.66, 0.0], rpy=[0.0, 0.0, pi / 2]))
     """X_WO of the chair's loose side on the warehouse table: fetched for joint action 1."""
-    chair_side_spread: list[float] = field(default_factory=lambda: [0.015, 0.015, 0.08])
-    """[m, m, rad] as ``cube_spread``."""
+    chair_side_spread: list[float] = field(default_factory=lambda: [0.008, 0.015, 0.06])
+    """[m, m, rad] as ``cube_spread``; its feet must stay on the table."""
     chair_side_prepared: Pose = field(default_factory=lambda: Pose(translation=[0.66, 0.0, 0.37]))
     """X_WO where the robot, prepared, holds the chair's side until the person takes the far end."""
     chair_side_placed: Pose = field(default_factory=lambda: Pose(translation=[0.80, 0.0, 0.225]))

@@ -1,5 +1,7 @@
 """Layout: where components lie is drawn within their zones, the same for the same seed."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,14 @@ def test_without_spread_it_is_the_nominal_layout():
     layout = sample_layout(still, np.random.default_rng(0))
     np.testing.assert_array_equal(layout.located, nominal_layout(still).located)
     np.testing.assert_array_equal(layout.pile, nominal_layout(still).pile)
+
+
+def test_the_chairs_side_stands_on_its_table_wherever_it_lies():
+    """The table is 0.40 x 0.60 m about (0.35, 0.55); the feet are those of models/chair_side.sdf."""
+    side = components(Workcell())[4]
+    for signs in product((-1.0, 1.0), repeat=3):
+        X_WO = side.pose(side.located + np.array(signs) * side.spread)
+        for foot in product((-0.12, 0.11), (-0.18, 0.18)):
+            x, y, _ = X_WO @ np.array([*foot, 0.0])
+            assert abs(x - 0.35) < 0.2 - 0.002
+            assert abs(y - 0.55) < 0.3 - 0.002

@@ -116,7 +116,7 @@ def clearances(scene, motion, ignored) -> np.ndarray:
     for t in np.linspace(0.0, motion.duration, 150):
         width = float(np.interp(t, motion.width_times, motion.widths))
         with scene.carrying("", ignored, max(width, 0.02)):
-            found.append(scene.clearance(motion.trajectory.value(t)[:, 0])[0])
+            found.append(scene.clearance(motion.position(t / motion.duration))[0])
     return np.array(found)
 
 
@@ -155,7 +155,7 @@ def test_motions_to_any_place_of_a_component_keep_within_limits_and_clear(librar
             # The gripper comes to the component, as its grasp says.
             component = components(workcell)[number]
             closing = motion.width_times[np.argmax(np.diff(motion.widths) < 0)]
-            X_WG = scene.gripper_pose(motion.trajectory.value(closing)[:, 0])
+            X_WG = scene.gripper_pose(motion.position(closing / motion.duration))
             X_OG = component.pose(layout.located[number]).InvertAndCompose(X_WG)
             errors = [X_OG.InvertAndCompose(component.grasp.X_OG(yaw)) for yaw in component.grasp.yaws]
             assert min(np.linalg.norm(e.translation()) + e.rotation().ToAngleAxis().angle() for e in errors) < 3e-3
