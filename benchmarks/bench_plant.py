@@ -55,7 +55,7 @@ def stepping(motions: MotionLibrary, monitored: bool, logged: tuple[str, ...], r
     policy = make_policy("learned", scenario)
     simulation = Simulation(Assembly(scenario, policy, station=station, motions=motions, logged=logged))
     if meshcat is not None:
-        meshcat.StartRecording(16.0, set_visualizations_while_recording=False)
+        meshcat.StartRecording(10.0, set_visualizations_while_recording=False)
     simulation.reset(simulation.sample_episode(np.random.default_rng([1, 0])))
     simulation.advance(1.0)
     start = process_time()

@@ -183,7 +183,7 @@ class _Run:
                 recording = number == 0 and self.meshcat is not None
                 if recording:
                     seen = self.live is not None
-                    self.meshcat.StartRecording(16.0, set_visualizations_while_recording=seen)  # type: ignore[attr-defined]
+                    self.meshcat.StartRecording(10.0, set_visualizations_while_recording=seen)  # type: ignore[attr-defined]
 
                 def write(time: float, kind: str, episode: int = number, **values) -> None:
                     log.write(episode, time, kind, **values)

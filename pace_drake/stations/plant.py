@@ -219,8 +219,8 @@ class PlantStation(Diagram):
             add_cameras(builder, seen, workcell.cameras)
         self._pile = builder.AddNamedSystem("pile", _Pile(nominal_layout(workcell)))
         if meshcat is not None:
-            # As fast as a replay is recorded: every picture costs as much as a step of the plant.
-            pictures = MeshcatVisualizerParams(publish_period=1 / 16)
+            # As a replay is recorded, and Meshcat interpolates; every picture costs as much as a step of the plant.
+            pictures = MeshcatVisualizerParams(publish_period=1 / 10)
             MeshcatVisualizer.AddToBuilder(builder, seen, meshcat, pictures)
         builder.BuildInto(self)
         self.set_name("station")
