@@ -34,6 +34,10 @@ GRASPS = {
 }
 
 
+#: [m] height of a tray's floor over its lower face (models/tray.sdf).
+TRAY_FLOOR = 0.006
+
+
 @dataclass(frozen=True)
 class Component:
     """One object that the robot fetches."""
@@ -104,3 +108,13 @@ def component_index(workcell: Workcell, kind: ActionKind, index: int) -> int | N
     if kind == ActionKind.PREPARE:
         return len(workcell.cubes) + (0 if index == 1 else 1 + (index - 2) % len(workcell.allen_keys))
     return None
+
+
+def tray_index(workcell: Workcell, robot_task: int) -> int:
+    """Which tray robot task i fills, as an index into ``workcell.trays``: tray i, cyclically."""
+    return (robot_task - 1) % len(workcell.trays)
+
+
+def presentation_index(workcell: Workcell, joint_action: int) -> int:
+    """How joint action 2, 3, ... hands over its key, as an index into ``workcell.presentations``: they take turns."""
+    return (joint_action - 2) % len(workcell.presentations)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pace_drake.stations.components import presentation_index
 from pace_drake.stations.workcell import Workcell
 
 #: Of a joint action's time: from when to when robot and person carry the chair's side.
@@ -21,10 +22,10 @@ def joint_paths(workcell: Workcell, num_joint_actions: int) -> list[list[tuple[f
         X_WO.to_rigid_transform() @ _P_O_HAND for X_WO in (workcell.chair_side_prepared, workcell.chair_side_placed)
     )
     paths = []
-    for index in range(num_joint_actions):
-        if index == 0:
+    for joint_action in range(1, num_joint_actions + 1):
+        if joint_action == 1:
             paths.append([(CARRY_BEGIN, prepared), (CARRY_END, placed)])
         else:
-            hand = np.array(workcell.presentations[(index - 1) % len(workcell.presentations)].hand)
+            hand = np.array(workcell.presentations[presentation_index(workcell, joint_action)].hand)
             paths.append([(TAKEN, hand), (KEPT, hand)])
     return paths

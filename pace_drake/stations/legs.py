@@ -6,6 +6,7 @@ it; where that fails, Drake's ``KinematicTrajectoryOptimization`` bends it away.
 """
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,16 +155,16 @@ class LegPlanner:
         q = [q[k] for k in kept]
         way = _Way(self, load, leave and len(q) > 2, arrive and len(q) > 2)
         path: Trajectory = way.spline(q)
-        violated = way.violation(path, way.breaks(path))
+        violated = way.violated_segment(path)
         for attempt in range(1, _MAX_DETOURS + 1):
             if violated is None:
                 break
-            segment, height = violated[0], attempt * self._workcell.approach_height
+            height = attempt * self._workcell.approach_height
             with way.checked(contact=False):
-                lifted = [self._lift(q[k], height) for k in (segment, segment + 1)]
-            over = [*q[: segment + 1], *(a for a in lifted if a is not None), *q[segment + 1 :]]
+                lifted = [self._lift(q[k], height) for k in (violated, violated + 1)]
+            over = [*q[: violated + 1], *(a for a in lifted if a is not None), *q[violated + 1 :]]
             candidate = way.spline(over)
-            if way.violation(candidate, way.breaks(candidate)) is None:
+            if way.violated_segment(candidate) is None:
                 q, path, violated = over, candidate, None
         if violated is not None:
             optimised = self._optimise(way, q)
@@ -258,7 +259,8 @@ class _Way:
 
     def spline(self, q: Sequence[np.ndarray]) -> PiecewisePolynomial:
         """Cubic spline (9) with continuous second derivative; starts and ends straight along its outer chords."""
-        samples = np.array([np.append(via, self._fingers()) for via in q])
+        fingers = np.full(NUM_FINGERS, self._load.width / 2)
+        samples = np.array([np.append(via, fingers) for via in q])
         chords = np.diff(samples, axis=0)
         lengths = np.max(np.abs(chords[:, :NUM_ARM_JOINTS]) / self._planner._max_velocity, axis=1)
         breaks = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -266,29 +268,27 @@ class _Way:
             breaks, samples.T, chords[0] / lengths[0], chords[-1] / lengths[-1]
         )
 
-    def _fingers(self) -> np.ndarray:
-        return np.full(NUM_FINGERS, self._load.width / 2)
-
     def breaks(self, path: PiecewisePolynomial) -> tuple[float, float]:
         """Path parameters between which the leg is free of its straight ends."""
         times = path.get_segment_times()
         return times[1] if self.leave else times[0], times[-2] if self.arrive else times[-1]
 
-    def checked(self, *, contact: bool):
+    def checked(self, *, contact: bool) -> AbstractContextManager[None]:
         """The scene as it is looked at on the straight ends (``contact``), or between them."""
         load = self._load
         if contact:
             return self._scene.carrying("", load.touched + load.absent, load.width)
         return self._scene.carrying(load.held, load.absent, load.width)
 
-    def violation(self, path: PiecewisePolynomial, free: tuple[float, float]) -> tuple[int, float] | None:
-        """(segment, path parameter) where the free part first comes too near to something."""
+    def violated_segment(self, path: PiecewisePolynomial) -> int | None:
+        """Index of the segment in which the free part first comes too near to something."""
+        first, last = self.breaks(path)
+        samples = np.linspace(path.start_time(), path.end_time(), _PATH_SAMPLES)
         with self.checked(contact=False):
-            for s in np.linspace(path.start_time(), path.end_time(), _PATH_SAMPLES):
-                if free[0] <= s <= free[1] and (
-                    self._scene.clearance(path.value(s)[:NUM_ARM_JOINTS, 0])[0] < self._scene.workcell.clearance
-                ):
-                    return path.get_segment_index(s), s
+            for s in samples[(first <= samples) & (samples <= last)]:
+                distance, _ = self._scene.clearance(path.value(s)[:NUM_ARM_JOINTS, 0])
+                if distance < self._scene.workcell.clearance:
+                    return path.get_segment_index(s)
         return None
 
     def least(self, path: Trajectory, samples: Sequence[float]) -> tuple[float, str]:

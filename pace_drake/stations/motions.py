@@ -6,7 +6,7 @@ Robot tasks and preparations fetch something and so depend on where it lies; all
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
@@ -23,15 +23,21 @@ from scipy.interpolate import CubicHermiteSpline, PPoly
 from pace_drake.errors import InputError
 from pace_drake.files import cache_folder, write_whole
 from pace_drake.resources import resource_path
-from pace_drake.stations.components import Component, component_index, components
+from pace_drake.stations.components import (
+    TRAY_FLOOR,
+    Component,
+    component_index,
+    components,
+    presentation_index,
+    tray_index,
+)
 from pace_drake.stations.joint_paths import CARRY_BEGIN, CARRY_END, OFFERED
-from pace_drake.stations.legs import LegPlanner, Load, Via
+from pace_drake.stations.legs import Leg, LegPlanner, Load, Via
 from pace_drake.stations.planning_scene import PLACED_SIDE, PlanningScene
 from pace_drake.stations.plant import NUM_ARM_JOINTS
 from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
-_HEIGHT_OF_TRAY_FLOOR = 0.006  # [m]
 _FETCHING = frozenset((ActionKind.ROBOT_TASK, ActionKind.PREPARE))
 _NUM_KEPT = 16  # located motions in memory
 _PLANS = 2  # version of what is written to the cache
@@ -264,26 +270,17 @@ class _Planner:
         self.components = components(workcell)
         home = np.array(workcell.home, dtype=float)
         self.home = Via("home", home, self.scene.gripper_pose(home))
+        self._prepared_vias: dict[int, Via] = {}
 
     def plan(self, kind: ActionKind, index: int) -> Motion:
         """The motion of an action, for its component's nominal place."""
         if kind in _FETCHING:
             return self.fetch(kind, index, None, None)
-        if index == 1:
-            side: dict[ActionKind, Callable[[], Motion]]
-            side = {
-                ActionKind.JOINT: self._carry_side,
-                ActionKind.HOME: self._leave_side,
-                ActionKind.HOME_ABORTED: lambda: self._take_back(1),
-            }
-            return side[kind]()
-        key: dict[ActionKind, Callable[[int], Motion]]
-        key = {
-            ActionKind.JOINT: self._offer_key,
-            ActionKind.HOME: self._leave_person,
-            ActionKind.HOME_ABORTED: self._take_back,
-        }
-        return key[kind](index)
+        of_side = {ActionKind.JOINT: self._carry_side, ActionKind.HOME: self._leave_side}
+        of_key = {ActionKind.JOINT: self._offer_key, ActionKind.HOME: self._leave_person}
+        if kind == ActionKind.HOME_ABORTED:
+            return self._take_back(index)
+        return of_side[kind]() if index == 1 else of_key[kind](index)
 
     def fetch(self, kind: ActionKind, index: int, located: np.ndarray | None, nominal: Motion | None) -> Motion:
         """ROBOT_TASK or PREPARE with the component at ``located``, sought near the nominal motion's postures."""
@@ -299,10 +296,10 @@ class _Planner:
 
     def _sort(self, i: int, cube: Component, located: np.ndarray | None, near: np.ndarray | None) -> Motion:
         w = self.workcell
-        tray = (i - 1) % len(w.trays)
+        tray = tray_index(w, i)
         over, at = self._pick(cube, located, near)
         X_WTray = w.trays[tray].to_rigid_transform()
-        p_TrayO = [0.0, 0.0, _HEIGHT_OF_TRAY_FLOOR + cube.nominal.translation[2] + w.release_gap]
+        p_TrayO = [0.0, 0.0, TRAY_FLOOR + cube.nominal.translation[2] + w.release_gap]
         # Of the four equal yaws over the tray, that which turns the wrist least.
         places = [X_WTray @ RigidTransform(p_TrayO) @ cube.grasp.X_OG(yaw) for yaw in cube.grasp.yaws]
         name, floor = f"tray_{tray + 1}", f"floor of tray_{tray + 1}"
@@ -346,8 +343,7 @@ class _Planner:
         unit = leg.times[-1] / (CARRY_END - CARRY_BEGIN)
         chain.wait(CARRY_BEGIN * unit)
         chain.follow(leg)
-        chain.grip(w.gripper_release)
-        chain.wait(max((1 - CARRY_END) * unit - chain.grip_duration(w.gripper_release), 0.0))
+        chain.wait((1 - CARRY_END) * unit - chain.grip(w.gripper_release))
         return chain.finish()
 
     def _leave_side(self) -> Motion:
@@ -361,16 +357,16 @@ class _Planner:
 
     def _offer_key(self, index: int) -> Motion:
         w = self.workcell
-        prepared, end = self._prepared(index), self._end(index)
-        load = Load(self._component(index).model, (), (self._component(index).name,), w.gripper_release)
-        chain = _Chain(self, f"joint action {index}", prepared.q, self._closed(self._component(index)))
+        prepared, end, key = self._prepared(index), self._end(index), self._component(index)
+        load = Load(key.model, (), (key.name,), w.gripper_release)
+        chain = _Chain(self, f"joint action {index}", prepared.q, self._closed(key))
         leg = self.legs.plan(f"joint action {index}", [prepared, end], load)
         chain.follow(leg)
         chain.wait(leg.times[-1] * (1 / OFFERED - 1))
         return chain.finish(
             hand_over=HandOver(
                 offered=OFFERED,
-                p_WH=np.array(w.presentations[self._presentation(index)].hand),
+                p_WH=np.array(w.presentations[presentation_index(self.workcell, index)].hand),
                 reach=w.release_distance,
                 speed=w.gripper_speed,
                 width=w.gripper_open,
@@ -379,8 +375,9 @@ class _Planner:
 
     def _leave_person(self, index: int) -> Motion:
         w = self.workcell
-        chain = _Chain(self, f"homing {index}", self._end(index).q, w.gripper_open)
-        chain.move([self._end(index), self._prepared(index), self.home], Load("", (), (), w.gripper_open))
+        end = self._end(index)
+        chain = _Chain(self, f"homing {index}", end.q, w.gripper_open)
+        chain.move([end, self._prepared(index), self.home], Load("", (), (), w.gripper_open))
         return chain.finish()
 
     def _take_back(self, index: int) -> Motion:
@@ -408,11 +405,13 @@ class _Planner:
         """[m] desired width of the gripper that holds it."""
         return max(component.grasp.width - self.workcell.gripper_squeeze, 0.0)
 
-    def _presentation(self, index: int) -> int:
-        return (index - 2) % len(self.workcell.presentations)
-
     def _prepared(self, index: int) -> Via:
-        """Where the robot waits with the component of joint action ``index``."""
+        """Where the robot waits with the component of joint action ``index``; sought once."""
+        if index not in self._prepared_vias:
+            self._prepared_vias[index] = self._seek_prepared(index)
+        return self._prepared_vias[index]
+
+    def _seek_prepared(self, index: int) -> Via:
         component = self._component(index)
         load = Load(component.model, (), (component.name,), self.workcell.gripper_release)
         if index == 1:
@@ -420,13 +419,13 @@ class _Planner:
                 component.grasp.yaws[0]
             )
             return self._via("chair_side_prepared", [X_WG], load, self._turned(X_WG))
-        k = self._presentation(index)
+        k = presentation_index(self.workcell, index)
         X_WG = self.workcell.presentations[k].prepared.to_rigid_transform()
         return self._via(f"presentations[{k}].prepared", [X_WG], load, self._turned(X_WG))
 
     def _end(self, index: int) -> Via:
         """Where it holds the key out."""
-        k = self._presentation(index)
+        k = presentation_index(self.workcell, index)
         X_WG = self.workcell.presentations[k].end.to_rigid_transform()
         component = self._component(index)
         load = Load(component.model, (), (component.name,), self.workcell.gripper_release)
@@ -443,11 +442,10 @@ class _Planner:
         """How the chair's side gets to the height at which it is carried; nothing for others."""
         if index != 1:
             return []
-        X_WG = RigidTransform(over.X_WG.rotation(), over.X_WG.translation())
-        p_WG = X_WG.translation().copy()
+        p_WG = over.X_WG.translation().copy()
         p_WG[2] = max(p_WG[2], self.workcell.carry_height)
         load = Load("", (), (self._component(1).name,), self.workcell.gripper_release)
-        return [self._via("chair_side", [RigidTransform(X_WG.rotation(), p_WG)], load, over.q)]
+        return [self._via("chair_side", [RigidTransform(over.X_WG.rotation(), p_WG)], load, over.q)]
 
     def _pick(
         self, component: Component, located: np.ndarray | None, near: np.ndarray | None, gap: float = 0.0
@@ -522,33 +520,33 @@ class _Chain:
         """Plans a leg through the vias, from where the chain is, and follows it."""
         self.follow(self._planner.legs.plan(self._name, vias, load, leave=leave, arrive=arrive))
 
-    def follow(self, leg) -> None:
+    def follow(self, leg: Leg) -> None:
         """Follows a leg, from where the chain is."""
         self._begin = self._now
         self._append(leg.times[1:] + self._now, leg.positions[1:], leg.velocities[1:])
 
     def wait(self, duration: float) -> None:
-        """Rests [s]."""
+        """Rests [s]; not at all for less than nothing."""
         if duration > 0:
             self._append(np.array([self._now + duration]), self._positions[-1][-1:], np.zeros((1, NUM_ARM_JOINTS)))
 
-    def grip_duration(self, width: float) -> float:
-        """[s] that ``grip`` takes from where the gripper last was not at this width."""
-        w = self._planner.workcell
-        return abs(width - self._widths[-2 if len(self._widths) > 1 else -1]) / w.gripper_speed + w.grip_time
+    def grip(self, width: float, *, during: bool = False) -> float:
+        """Changes the gripper's width [m] and waits for it; ``during``: instead in the second half of the last leg.
 
-    def grip(self, width: float, *, during: bool = False) -> None:
-        """Changes the gripper's width [m] and waits for it; ``during``: instead in the second half of the last leg."""
+        Returns:
+            [s] that the arm waited.
+        """
         w = self._planner.workcell
         change = abs(width - self._widths[-1]) / w.gripper_speed
         if during:
-            begin = (self._begin + self._now) / 2
+            begin, waited = (self._begin + self._now) / 2, 0.0
             change = min(change, self._now - begin)
         else:
-            begin = self._now
-            self.wait(change + w.grip_time)
+            begin, waited = self._now, change + w.grip_time
+            self.wait(waited)
         self._width_times += [begin, begin + change]
         self._widths += [self._widths[-1], width]
+        return waited
 
     def _append(self, times: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> None:
         self._times.append(times)

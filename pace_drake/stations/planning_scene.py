@@ -15,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from pace_drake.errors import InputError
 from pace_drake.resources import resource_path
-from pace_drake.stations.components import GRASPS, Component, components
+from pace_drake.stations.components import GRASPS, TRAY_FLOOR, Component, components
 from pace_drake.stations.plant import NUM_ARM_JOINTS, NUM_FINGERS, add_furniture
 from pace_drake.stations.workcell import Workcell
 
@@ -63,7 +63,7 @@ class PlanningScene:
         for k, tray in enumerate(workcell.trays):
             body = self.plant.GetBodyByName("tray", self.plant.GetModelInstanceByName(f"tray_{k + 1}"))
             size = np.array([0.1, 0.1, cube_size[2]])
-            X_WB = tray.to_rigid_transform() @ RigidTransform([0.0, 0.0, 0.006 + size[2] / 2])
+            X_WB = tray.to_rigid_transform() @ RigidTransform([0.0, 0.0, TRAY_FLOOR + size[2] / 2])
             self._zones[f"tray_{k + 1}"] = [self._add_box(world, f"cube in tray_{k + 1}", X_WB, size)]
             # A cube is put down on the tray's floor; its walls are kept away from as anything else.
             self._zones[f"floor of tray_{k + 1}"] = [
