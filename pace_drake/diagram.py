@@ -1,7 +1,7 @@
 """The only wiring: human, estimator, policy, statechart, robot action, idle meter and a station, as one Diagram."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
@@ -12,27 +12,27 @@ from pace_drake.people import People, load_people
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.statechart import compile_chart, load_chart
-from pace_drake.stations.arm_capsules import load_arm_capsules
 from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
-from pace_drake.stations.plant import PlantStation
 from pace_drake.systems.action_monitor import ActionMonitor
-from pace_drake.systems.component_locator import ComponentLocator
 from pace_drake.systems.decision import Decision
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
-from pace_drake.systems.locator import make_component_locator
 from pace_drake.systems.observation import Observation
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
-from pace_drake.systems.robot_action import STOP_TIME, Motions, Pacing, RobotAction
-from pace_drake.systems.safety_monitor import SafetyMonitor
+from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
 
 if TYPE_CHECKING:
-    pass
+    # What the plant level alone needs is imported where it is made: the task level starts without it.
+    from pydrake.geometry import Meshcat
+
+    from pace_drake.stations.plant import PlantStation
+    from pace_drake.systems.component_locator import ComponentLocator
+    from pace_drake.systems.safety_monitor import SafetyMonitor
 
 #: Operator inputs of the chart that the diagram exports; unconnected they have the chart's defaults.
 OPERATOR_INPUTS = ("start", "stop", "fault", "ack")
@@ -148,15 +148,16 @@ class Assembly(Diagram):
             )
         )
         self.safety_monitor: SafetyMonitor | None = None
-        pacing = None
+        led = None
         if station is not None and scenario.safety.enabled:
-            self.safety_monitor = add(SafetyMonitor(scenario.safety, load_arm_capsules()))
-            # As far as the path goes while nothing is noticed yet, and then while it comes to rest.
-            look_ahead = scenario.safety.reaction_time + scenario.safety.period + STOP_TIME / 2
-            pacing = Pacing(period=scenario.safety.period, look_ahead=look_ahead)
+            from pace_drake.stations.arm_capsules import load_arm_capsules
+            from pace_drake.systems import safety_monitor
+
+            self.safety_monitor = add(safety_monitor.SafetyMonitor(scenario.safety, load_arm_capsules()))
+            led = safety_monitor.pacing(scenario.safety)
         num_components = len(components(scenario.workcell))
         self.robot_action: RobotAction = add(
-            RobotAction(task, motions, num_components, pacing=pacing, reaction_period=reaction_period)
+            RobotAction(task, motions, num_components, pacing=led, reaction_period=reaction_period)
         )
         self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
         self.action_monitor: ActionMonitor | None = None
@@ -165,6 +166,8 @@ class Assembly(Diagram):
             self.action_monitor = add(ActionMonitor(task, detectors, period, reaction_period))
         self.locator: ComponentLocator | None = None
         if station is not None and scenario.perception == "cameras":
+            from pace_drake.systems.locator import make_component_locator
+
             self.locator = add(make_component_locator(scenario.workcell, reaction_period))
         self.decision: Decision | None = None
         self.station = station
@@ -292,26 +295,34 @@ class Assembly(Diagram):
         )
         builder.Connect(ages.get_output_port(), inputs[1])
 
+    def _plant_station(self) -> "PlantStation | None":
+        """The station if components lie about in it."""
+        if self.station is None or not self.station.HasOutputPort("component_poses"):
+            return None
+        return cast("PlantStation", self.station)
+
     def set_layout(self, context: Context, layout: Layout) -> None:
         """Puts the components where an episode begins; only with a plant."""
-        assert isinstance(self.station, PlantStation)
-        self.station.set_layout(context, layout)
+        plant = self._plant_station()
+        assert plant is not None
+        plant.set_layout(context, layout)
 
     def refill_pile(self, context: Context) -> None:
         """Puts the cube that an update of ``robot_action`` now would fetch back into the pile, if it is not there."""
-        if not isinstance(self.station, PlantStation):
+        plant = self._plant_station()
+        if plant is None:
             return
         begins = self.robot_action.begins(self.robot_action.GetMyContextFromRoot(context))
         if begins is not None and begins[0] == ActionKind.ROBOT_TASK:
             kind, index, sequence = begins
             cube = component_index(self.scenario.workcell, kind, index)
             assert cube is not None
-            self.station.refill(context, cube, sequence)
+            plant.refill(context, cube, sequence)
 
     def _add_safety(
         self,
         builder: DiagramBuilder,
-        monitor: SafetyMonitor,
+        monitor: "SafetyMonitor",
         connect: Callable[[LeafSystem, str, LeafSystem, str], None],
     ) -> None:
         """Wires the safety monitor; its stop, which passes the operator's on, is the chart's."""
@@ -333,3 +344,29 @@ class Assembly(Diagram):
         """Puts everything random of one episode into the diagram's context."""
         self.human.set_episode(self.human.GetMyMutableContextFromRoot(context), episode)
         self.robot_action.set_episode(self.robot_action.GetMyMutableContextFromRoot(context), episode)
+
+
+def make_plant_assembly(
+    scenario: Scenario,
+    policy: Policy | None = None,
+    *,
+    meshcat: "Meshcat | None" = None,
+    people: People | None = None,
+    logged: Sequence[str] = (),
+) -> Assembly:
+    """Makes the assembly of the plant level: motions planned, cameras where the scenario's perception wants them.
+
+    Args:
+        scenario, policy, people, logged: see ``Assembly``.
+        meshcat: shows the plant if given.
+
+    Raises:
+        InputError: a motion cannot be planned, this machine cannot render for cameras, or as ``Assembly``.
+    """
+    from pace_drake.stations.motions import plan_motions
+    from pace_drake.stations.plant import make_plant_station
+
+    task, workcell = scenario.task, scenario.workcell
+    motions = plan_motions(workcell, task.num_robot_tasks, task.num_joint_actions)
+    station = make_plant_station(workcell, meshcat=meshcat, cameras=scenario.perception == "cameras")
+    return Assembly(scenario, policy, station=station, motions=motions, people=people, logged=logged)

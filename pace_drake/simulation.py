@@ -10,7 +10,6 @@ from pydrake.systems.framework import Context, EventStatus
 
 from pace_drake.diagram import Assembly
 from pace_drake.stations.layout import Layout, sample_layout
-from pace_drake.systems.safety_monitor import SafetyMonitor
 from pace_drake.task import Episode
 
 
@@ -75,11 +74,10 @@ class Simulation:
         self._at_event = True
         self._asked = False
         self._robot_context = assembly.robot_action.GetMyContextFromRoot(self.context)
-        self._safety_context: Context | None = None
         self._seen_latch = False
         self._foretold = 0.0
         if assembly.safety_monitor is not None:
-            self._safety_context = assembly.safety_monitor.GetMyContextFromRoot(self.context)
+            self._monitor_context = assembly.safety_monitor.GetMyContextFromRoot(self.context)
             self.simulator.set_monitor(self._watch)
 
     @property
@@ -161,7 +159,7 @@ class Simulation:
                 self._foretold = self._led()
                 self.simulator.AdvanceTo(target)
                 if self.time < target:  # the safety monitor intervened
-                    self._at_event = self._latch_changed()
+                    self._at_event = self._latched() != self._seen_latch
                     if not self._at_event:
                         continue
                 elif time > boundary:
@@ -202,13 +200,14 @@ class Simulation:
         """[s] when the safety monitor last led the motion to another pace, or a motion began."""
         return self.assembly.robot_action.clock_time(self._robot_context)
 
-    def _latch_changed(self) -> bool:
-        """Whether the safety monitor has latched, or let go, since the statechart last reacted."""
-        return self._safety_context is not None and SafetyMonitor.latched(self._safety_context) != self._seen_latch
+    def _latched(self) -> bool:
+        """Whether a safety monitor has latched."""
+        monitor = self.assembly.safety_monitor
+        return monitor is not None and monitor.latched(self._monitor_context)
 
     def _watch(self, _: Context) -> EventStatus:
         """Ends an advance early when what was foretold does not hold any more."""
-        if self._latch_changed() or self._led() != self._foretold:
+        if self._latched() != self._seen_latch or self._led() != self._foretold:
             return EventStatus.ReachedTermination(self.assembly, "the safety monitor intervened")
         return EventStatus.DidNothing()
 
@@ -222,8 +221,7 @@ class Simulation:
             context.SetDiscreteState(values)
             if system is self.assembly.task_statechart:
                 self.assembly.refill_pile(self.context)
-        if self._safety_context is not None:
-            self._seen_latch = SafetyMonitor.latched(self._safety_context)
+        self._seen_latch = self._latched()
         self.num_decisions = int(self._index_port.Eval(self._chart_context)[0])
         self._at_event = self._asked = False
         for listener in self.listeners:

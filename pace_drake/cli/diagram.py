@@ -70,18 +70,10 @@ def command(
 def _assembly(name: str, level: str, policy: str | None, overrides: tuple[str, ...]) -> "Assembly":
     import json
 
-    from pace_drake.diagram import Assembly
+    from pace_drake.diagram import Assembly, make_plant_assembly
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
 
     scenario = load_scenario(name, (*overrides, *([f"policy={json.dumps(policy)}"] if policy is not None else [])))
     chosen = make_policy(scenario.policy, scenario)
-    if level == "task":
-        return Assembly(scenario, chosen)
-    from pace_drake.stations.motions import plan_motions
-    from pace_drake.stations.plant import make_plant_station
-
-    task = scenario.task
-    motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
-    station = make_plant_station(scenario.workcell, cameras=scenario.perception == "cameras")
-    return Assembly(scenario, chosen, station=station, motions=motions)
+    return Assembly(scenario, chosen) if level == "task" else make_plant_assembly(scenario, chosen)

@@ -25,26 +25,22 @@ def workcell(
 
     from rich.progress import track
 
-    from pace_drake.diagram import FULL_LOG, Assembly
+    from pace_drake.diagram import FULL_LOG, Assembly, make_plant_assembly
     from pace_drake.evaluate.workcell import play_workcell, summarize, table
     from pace_drake.people import load_people
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
     from pace_drake.simulation import Simulation
-    from pace_drake.stations.motions import plan_motions
-    from pace_drake.stations.plant import make_plant_station
 
     loaded = load_scenario(scenario, overrides)
     chosen = make_policy(policy or loaded.policy, loaded)
-    people, task = load_people(loaded), loaded.task
-    motions = plan_motions(loaded.workcell, task.num_robot_tasks, task.num_joint_actions)
-    station = make_plant_station(loaded.workcell, cameras=loaded.perception == "cameras")
-    plant = Simulation(Assembly(loaded, chosen, station=station, motions=motions, people=people, logged=FULL_LOG))
+    people = load_people(loaded)
+    plant = Simulation(make_plant_assembly(loaded, chosen, people=people, logged=FULL_LOG))
     alone = Simulation(Assembly(loaded, chosen, people=people))
     console = wide_console()
     numbers = track(range(episodes), description="episodes", console=console, transient=True)
     played = list(play_workcell(plant, alone, seed, numbers))
-    summary = summarize(played, task.num_joint_actions)
+    summary = summarize(played, loaded.task.num_joint_actions)
     console.print(people.description, markup=False, highlight=False, soft_wrap=True)
     console.print(rich_table(table(summary)))
     if json_file is not None:

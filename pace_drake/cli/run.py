@@ -107,7 +107,7 @@ class _Run:
             raise InputError(f"{self.out}: cannot make the run folder: {error.strerror}") from error
 
     def _build(self, policy: "Policy", show: bool) -> tuple["Assembly", object]:
-        from pace_drake.diagram import JOINT_LOG, Assembly
+        from pace_drake.diagram import JOINT_LOG, Assembly, make_plant_assembly
         from pace_drake.people import load_people
 
         people = load_people(self.scenario)
@@ -116,9 +116,6 @@ class _Run:
             return Assembly(self.scenario, policy, people=people), None
         logging.getLogger("drake").setLevel(logging.WARNING)  # it announces a port that only --meshcat is about
         from pydrake.geometry import Meshcat, MeshcatParams
-
-        from pace_drake.stations.motions import plan_motions
-        from pace_drake.stations.plant import make_plant_station
 
         meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
         meshcat.SetProperty("/Grid", "visible", False)
@@ -129,13 +126,8 @@ class _Run:
 
             self.console.print(f"live view: {meshcat.web_url()}")
             self.live = LivePanel(meshcat)
-        task = self.scenario.task
         with self.console.status("planning the robot's motions"):
-            motions = plan_motions(self.scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
-        station = make_plant_station(
-            self.scenario.workcell, meshcat=meshcat, cameras=self.scenario.perception == "cameras"
-        )
-        assembly = Assembly(self.scenario, policy, station=station, motions=motions, people=people, logged=JOINT_LOG)
+            assembly = make_plant_assembly(self.scenario, policy, meshcat=meshcat, people=people, logged=JOINT_LOG)
         return assembly, meshcat
 
     def _choose_folder(self, out: Path | None) -> Path:

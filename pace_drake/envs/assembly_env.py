@@ -7,7 +7,7 @@ from typing import Any, Literal
 import gymnasium as gym
 import numpy as np
 
-from pace_drake.diagram import Assembly
+from pace_drake.diagram import Assembly, make_plant_assembly
 from pace_drake.envs.space import observation_space
 from pace_drake.errors import InputError
 from pace_drake.evaluate.episode import SAMPLE_PERIOD, write_phase
@@ -97,7 +97,7 @@ class PaceAssemblyEnv(gym.Env):
         loaded.validate()
         self.scenario = loaded
         # Built once: Drake never frees Python systems, and a reset context costs far less.
-        self.simulation = Simulation(_assembly(loaded, level))
+        self.simulation = Simulation(Assembly(loaded) if level == "task" else make_plant_assembly(loaded))
         self.action_space = gym.spaces.Discrete(2)
         self.observation_space = space = observation_space(loaded)
         self._low, self._high = space.low, space.high
@@ -188,17 +188,3 @@ class PaceAssemblyEnv(gym.Env):
             "cost": cost,
         }
         return observation, reward, info
-
-
-def _assembly(scenario: Scenario, level: str) -> Assembly:
-    if level == "task":
-        return Assembly(scenario)
-    from pace_drake.stations.motions import plan_motions
-    from pace_drake.stations.plant import make_plant_station
-
-    motions = plan_motions(scenario.workcell, scenario.task.num_robot_tasks, scenario.task.num_joint_actions)
-    return Assembly(
-        scenario,
-        station=make_plant_station(scenario.workcell, cameras=scenario.perception == "cameras"),
-        motions=motions,
-    )

@@ -23,8 +23,8 @@ from pace_drake.stations.arm_capsules import load_arm_capsules
 from pace_drake.stations.components import nominal_poses
 from pace_drake.stations.motions import MotionLibrary, plan_motions
 from pace_drake.stations.person import LIMB_RADII, limb_segments
-from pace_drake.systems.robot_action import STOP_TIME, Pacing, RobotAction
-from pace_drake.systems.safety_monitor import SafetyMonitor
+from pace_drake.systems.robot_action import STOP_TIME, RobotAction
+from pace_drake.systems.safety_monitor import SafetyMonitor, pacing
 from pace_drake.task import ActionKind, sample_episode
 
 #: What hands do.
@@ -94,10 +94,9 @@ class SeparationBench:
         self.arm = load_arm_capsules()
         builder = DiagramBuilder()
         config = self.config
-        pacing = Pacing(period=config.period, look_ahead=config.reaction_time + config.period + STOP_TIME / 2)
         poses = nominal_poses(scenario.workcell)
         n = len(poses) // 7
-        self.robot_action = builder.AddSystem(RobotAction(task, self.motions, n, pacing=pacing))
+        self.robot_action = builder.AddSystem(RobotAction(task, self.motions, n, pacing=pacing(config)))
         for name, values in (("component_poses", poses), ("component_ages", np.zeros(n))):
             source = builder.AddSystem(ConstantVectorSource(values))
             builder.Connect(source.get_output_port(), self.robot_action.GetInputPort(name))

@@ -11,11 +11,19 @@ from pace_drake.safety.proximity import ArmCapsules, approach
 from pace_drake.safety.separation import allowed_rate, allowed_speed
 from pace_drake.stations.person import LIMB_RADII, limb_segments
 from pace_drake.systems.ports import declare_input, declare_output
-from pace_drake.systems.robot_action import NUM_POSTURES, STOP_TIME
+from pace_drake.systems.robot_action import NUM_POSTURES, STOP_TIME, Pacing
 from pace_drake.task import ActionKind
 
 #: Places in what is found at one instant.
-_RATE, _DISTANCE, _CLOSING, _ALLOWED = range(4)
+_RATE, _DISTANCE, _CLOSING = range(3)
+
+
+def pacing(config: SafetyConfig) -> Pacing:
+    """How RobotAction must be led by a SafetyMonitor of these settings.
+
+    It looks ahead as far as the path goes while nothing is noticed yet, and then while it comes to rest.
+    """
+    return Pacing(period=config.period, look_ahead=config.reaction_time + config.period + STOP_TIME / 2)
 
 
 class SafetyMonitor(LeafSystem):
@@ -74,13 +82,13 @@ class SafetyMonitor(LeafSystem):
         seen = tickets(self._p_WH, self._measured, self._path_position, self._path_velocity, self._motion)
         stops = tickets(self._p_WH, self._hand_age, self._measured) | {self.xd_ticket()}
         self._found = self.DeclareCacheEntry(
-            "separation", ValueProducer(allocate=lambda: Value(BasicVector(4)), calc=self._calc_found), seen
+            "separation", ValueProducer(allocate=lambda: Value(BasicVector(3)), calc=self._calc_found), seen
         )
         declare_output(self, "speed_scale", self._speed_scale, seen | stops)
         declare_output(self, "stop", self._stop, stops | tickets(self._operator_stop))
         declare_output(self, "hand_distance", lambda context: self._find(context)[_DISTANCE], seen)
         declare_output(self, "closing_speed", lambda context: self._find(context)[_CLOSING], seen)
-        declare_output(self, "allowed_speed", lambda context: self._find(context)[_ALLOWED], seen)
+        declare_output(self, "allowed_speed", self._allowed_speed, seen)
         self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
 
     def _calc_found(self, context: Context, cache: Value) -> None:
@@ -105,14 +113,16 @@ class SafetyMonitor(LeafSystem):
             self._motion.Eval(context)[0] == ActionKind.JOINT,
         )
         i, j = np.unravel_index(np.argmin(near.distance), near.distance.shape)
-        distance, closing = float(near.distance[i, j]), float(near.towards[0, i, j].max())
-        reaction = config.reaction_time + config.period
-        deceleration = max(closing, 0.0) / self._stop_time
-        allowed = float(allowed_speed(config.human_speed, distance, reaction, deceleration, config.margin))
-        cache.get_mutable_value().SetFromVector([rate, distance, closing, allowed])
+        cache.get_mutable_value().SetFromVector([rate, near.distance[i, j], near.towards[0, i, j].max()])
 
     def _find(self, context: Context) -> np.ndarray:
         return self._found.Eval(context).value()
+
+    def _allowed_speed(self, context: Context) -> float:
+        config = self._config
+        _, distance, closing = self._find(context)
+        reaction, deceleration = config.reaction_time + config.period, max(closing, 0.0) / self._stop_time
+        return float(allowed_speed(config.human_speed, distance, reaction, deceleration, config.margin))
 
     def _unseen(self, context: Context) -> bool:
         """Whether the hand or the arm is not seen."""
