@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.cli.options import set_option
 from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ _KINDS = (".svg", ".png", ".dot")
     help="How far diagrams in the diagram are opened: 0 shows one block, 2 the inside of the station.",
 )
 @click.option("--policy", help="Policy name or .onnx file; default the scenario's.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @click.option(
     "-o",
     "--output",

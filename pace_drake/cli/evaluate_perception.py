@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from pace_drake.cli.options import set_option
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table, wide_console
 
@@ -12,7 +13,7 @@ from pace_drake.cli.tables import rich_table, wide_console
 @click.argument("scenario", default="ikea_chair")
 @click.option("--poses", type=click.IntRange(min=1), default=100, show_default=True, help="Placements of everything.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of places, noise, plates.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @json_option
 @out_option("errors.csv and a picture of each camera")
 def perception(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.cli.options import set_option, set_words
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table, wide_console
 from pace_drake.cli.tune import jobs_option
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     help="With --worlds: decisions that each policy is trained on; default as pace train.",
 )
 @jobs_option
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @json_option
 @out_option("policies.csv, pictures and index.html")
 def policy(
@@ -161,6 +162,5 @@ def _command_line(
         words += ["--worlds", str(worlds)]
     if steps is not None:
         words += ["--steps", str(steps)]
-    for override in overrides:
-        words += ["--set", override]
+    words += set_words(overrides)
     return shlex.join(words)

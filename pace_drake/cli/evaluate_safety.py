@@ -5,13 +5,14 @@ from pathlib import Path
 
 import click
 
+from pace_drake.cli.options import set_option, set_words
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table, wide_console
 
 
 @click.command("safety", short_help="Speed and separation monitoring against random hand motions.")
 @click.argument("scenario", default="ikea_chair")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change the scenario; may be repeated.")
+@set_option
 @click.option("--motions", type=click.IntRange(1), default=1000, show_default=True, help="Hand motions in each mode.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the hand motions.")
 @json_option
@@ -54,7 +55,6 @@ def safety(
         write_json(json_file, to_json(report))
     if out is not None:
         words = ["pace", "evaluate", "safety", scenario, "--motions", str(motions), "--seed", str(seed)]
-        for override in overrides:
-            words += ["--set", override]
+        words += set_words(overrides)
         write_report(out, report, shlex.join(words))
         console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)

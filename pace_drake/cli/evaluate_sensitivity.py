@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from pace_drake.cli.evaluate_policy import trainer, worlds_bar
+from pace_drake.cli.options import set_option, set_words
 from pace_drake.cli.outputs import check_outputs, json_option, make_folder, out_option, write_json
 from pace_drake.cli.tables import rich_table, wide_console
 from pace_drake.cli.tune import jobs_option
@@ -23,7 +24,7 @@ from pace_drake.cli.tune import jobs_option
 @click.option("--worlds", type=click.IntRange(min=1), default=1, show_default=True, help="How many worlds of people.")
 @click.option("--steps", type=click.IntRange(min=1), help="Decisions to train on; default as pace train.")
 @jobs_option
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @json_option
 @out_option("sensitivity.csv, pictures and index.html")
 def sensitivity(
@@ -64,7 +65,6 @@ def sensitivity(
         words = ["pace", "evaluate", "sensitivity", scenario, "--episodes", str(episodes), "--seed", str(seed)]
         words += ["--worlds", str(worlds), *([] if only is None else ["--only", only])]
         words += [] if steps is None else ["--steps", str(steps)]
-        for override in overrides:
-            words += ["--set", override]
+        words += set_words(overrides)
         write_report(out, result, shlex.join(words))
         console.print(f"report: {out / 'index.html'}", markup=False, highlight=False, soft_wrap=True)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from pace_drake.cli.options import set_option
 from pace_drake.cli.outputs import check_outputs, json_option, write_json
 from pace_drake.cli.tables import rich_table, wide_console
 
@@ -13,7 +14,7 @@ from pace_drake.cli.tables import rich_table, wide_console
 @click.option("--episodes", type=click.IntRange(min=1), default=20, show_default=True, help="How many.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the episodes.")
 @click.option("--policy", help="Policy name or .onnx file; default the scenario's.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @json_option
 def workcell(
     scenario: str, episodes: int, seed: int, policy: str | None, overrides: tuple[str, ...], json_file: Path | None

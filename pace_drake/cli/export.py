@@ -4,12 +4,14 @@ from pathlib import Path
 
 import click
 
+from pace_drake.cli.options import set_option
+
 
 @click.command("export", short_help="Make a policy file of a Stable-Baselines3 .zip.")
 @click.argument("file", type=click.Path(path_type=Path, dir_okay=False, exists=True))
 @click.argument("scenario", default="ikea_chair")
 @click.option("--trust-pickle", is_flag=True, help="FILE is a pickle, which may run anything: you trust its maker.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @click.option(
     "-o",
     "--out",

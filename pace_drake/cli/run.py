@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.cli.options import set_option
 from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 @click.option("--hand", type=click.Path(), help="Recorded hand (.npz, .csv) played instead of the scenario's people.")
 @click.option("--chart", type=click.Path(), help="Statechart (.scxml) run instead of the scenario's.")
 @click.option("--lambda", "human_idle_weight", type=float, help="Weight of human idle time in the cost, > 0.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @click.option("--out", type=click.Path(path_type=Path), help="Run folder; default runs/<time>-<scenario>-<policy>.")
 @click.option(
     "--meshcat", is_flag=True, help="Show the plant live in a browser, on localhost only; figures in its controls."

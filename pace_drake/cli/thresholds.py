@@ -2,12 +2,14 @@
 
 import click
 
+from pace_drake.cli.options import set_option
+
 
 @click.command("thresholds", short_help="Find the best thresholds of elapsed time, phase and remaining time.")
 @click.argument("scenario", default="ikea_chair")
 @click.option("--episodes", type=click.IntRange(min=1), default=4000, show_default=True, help="Episodes per candidate.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the episodes.")
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 def command(scenario: str, episodes: int, seed: int, overrides: tuple[str, ...]) -> None:
     """Find the best thresholds for SCENARIO on its training trials, and print them as the scenario writes them."""
     import numpy as np

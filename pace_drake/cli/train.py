@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from pace_drake.cli.options import set_option
+
 if TYPE_CHECKING:
     from rich.console import Console
     from stable_baselines3 import PPO
@@ -65,7 +67,7 @@ CHECKED = 5
     type=click.IntRange(min=2),
     help="Episodes of the final evaluation; default 2,000, or 100 where the twin cannot be used.",
 )
-@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario.")
+@set_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),

@@ -12,7 +12,7 @@ from pace_drake.errors import InputError
 from pace_drake.evaluate.plant_log import LimitsKept, PlantLog, check_limits
 from pace_drake.evaluate.report import Table
 from pace_drake.simulation import Simulation
-from pace_drake.stations.components import component_index
+from pace_drake.stations.components import component_index, tray_index
 from pace_drake.stations.plant import PlantStation
 from pace_drake.task import ActionKind, Episode
 
@@ -64,6 +64,7 @@ class WorkcellRecorder:
     decisions: list[tuple[int, int, int]] = field(default_factory=list)
     """(robot task, human action, answer)."""
     _begun: dict[int, tuple[ActionKind, int, float]] = field(default_factory=dict)
+    _latest: int = 0
     _seen: tuple[int, int] = (0, 0)
 
     def __call__(self, simulation: Simulation, before: bool) -> None:
@@ -86,17 +87,16 @@ class WorkcellRecorder:
             if reaction.transition in ("d_yes", "d_no", "d_timeout"):
                 self.decisions.append((*self._seen, int(reaction.transition == "d_yes")))
         told, place, sequence = (int(value) for value in simulation.output("robot_action"))
-        if told not in (ActionKind.NONE, ActionKind.HOLD) and sequence > max(
-            [0, *self._begun, *(command.sequence for command in self.commands)]
-        ):
+        if told not in (ActionKind.NONE, ActionKind.HOLD) and sequence > self._latest:
+            self._latest = sequence
             self._begun[sequence] = (ActionKind(told), place, simulation.time)
 
 
 def _sort(simulation: Simulation, station: PlantStation, robot_task: int) -> Sort:
-    trays = station.workcell.trays
-    cube = component_index(station.workcell, ActionKind.ROBOT_TASK, robot_task)
+    workcell = station.workcell
+    cube = component_index(workcell, ActionKind.ROBOT_TASK, robot_task)
     assert cube is not None
-    X_WTray = trays[(robot_task - 1) % len(trays)].to_rigid_transform()
+    X_WTray = workcell.trays[tray_index(workcell, robot_task)].to_rigid_transform()
     p_TrayO = (X_WTray.inverse() @ station.component_pose(simulation.context, cube)).translation()
     return Sort(simulation.time, robot_task, float(np.hypot(*p_TrayO[:2])), float(p_TrayO[2]))
 
@@ -189,7 +189,8 @@ def play_workcell(
         task.run()
         log = PlantLog.of(plant)
         limits = check_limits(log, station)
-        side = next(k for k, component in enumerate(station.components) if component.model == "chair_side")
+        side = component_index(station.workcell, ActionKind.PREPARE, 1)
+        assert side is not None
         placed = station.workcell.chair_side_placed.to_rigid_transform()
         gc.collect()
         yield WorkcellEpisode(
@@ -244,7 +245,7 @@ def summarize(played: list[WorkcellEpisode], num_joint_actions: int) -> dict:
         "slowed": max((e.slowed for e in played if e.slowed is not None), default=None),
         "same_decisions_as_task_level": sum(episode.same_decisions for episode in played),
         "memory_growth_after_the_first": last.memory - first.memory,
-        "each": [{**asdict(episode), "sorts": [asdict(sort) for sort in episode.sorts]} for episode in played],
+        "each": [asdict(episode) for episode in played],
     }
 
 
