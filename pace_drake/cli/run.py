@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pace_drake.cli.options import set_option
+from pace_drake.cli.tables import idle_table
 from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -267,20 +268,11 @@ class _Run:
         )
 
     def _print_table(self, mean: dict, num_truncated: int) -> None:
-        from rich.table import Table
-
         task = self.scenario.task
         what = r"idle time \[s]" if self.episodes == 1 else rf"mean idle time over {self.episodes} episodes \[s]"
-        table = Table("joint action", "robot waited", "human waited", title=f"{what}, policy {self.scenario.policy}")
-        for column in table.columns[1:]:
-            column.justify = "right"
-        for k, human_index in enumerate(task.human_index_of_joint):
-            key = str(k + 1)
-            name = f"{key} {task.human_actions[human_index - 1].name}"
-            table.add_row(name, f"{mean['robot_idle'][key]:.2f}", f"{mean['human_idle'][key]:.2f}")
-        table.add_section()
-        table.add_row("total", f"{mean['robot_idle']['total']:.2f}", f"{mean['human_idle']['total']:.2f}")
-        self.console.print(table)
+        joints = enumerate(task.human_index_of_joint, start=1)
+        names = {str(key): f"{key} {task.human_actions[human_index - 1].name}" for key, human_index in joints}
+        self.console.print(idle_table(mean, names, f"{what}, policy {self.scenario.policy}"))
         rmse = mean["phase_rmse"]
         self.console.print(
             f"cost (lambda = {task.human_idle_weight:g}): [bold]{mean['cost']:.2f} s[/bold]; "

@@ -3,6 +3,8 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
     from rich.table import Table as RichTable
 
@@ -15,6 +17,26 @@ def wide_console() -> "Console":
 
     console = Console()
     return console if console.is_terminal else Console(width=200)
+
+
+def idle_table(mean: dict, names: "Mapping[str, str]", title: str) -> "RichTable":
+    """Who waited for whom, by joint action.
+
+    Args:
+        mean: as ``mean_result`` gives it; ``robot_idle`` and ``human_idle`` by the same keys, the last is ``total``.
+        names: how keys are shown, where not by themselves.
+        title: in rich's markup.
+    """
+    from rich.table import Table as RichTable
+
+    drawn = RichTable("joint action", "robot waited", "human waited", title=title)
+    for column in drawn.columns[1:]:
+        column.justify = "right"
+    for key in mean["robot_idle"]:
+        if key == "total":
+            drawn.add_section()
+        drawn.add_row(names.get(key, key), f"{mean['robot_idle'][key]:.2f}", f"{mean['human_idle'][key]:.2f}")
+    return drawn
 
 
 def rich_table(table: "Table") -> "RichTable":

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from pace_drake.cli.tables import idle_table
 from pace_drake.errors import InputError
 
 #: What can be opened, the best first.
@@ -66,7 +67,6 @@ def _take(page: Path, screenshot: Path, at: float) -> None:
 
 def _print_summary(console, folder: Path) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
     path = folder / "summary.json"
     if not path.is_file():
@@ -75,11 +75,7 @@ def _print_summary(console, folder: Path) -> None:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
         mean = summary["mean"]
-        table = Table("joint action", "robot waited", "human waited", title=rf"mean idle time \[s], {folder.name}")
-        for column in table.columns[1:]:
-            column.justify = "right"
-        for key in mean["robot_idle"]:
-            table.add_row(key, f"{mean['robot_idle'][key]:.2f}", f"{mean['human_idle'][key]:.2f}")
+        table = idle_table(mean, {}, rf"mean idle time \[s], {folder.name}")
         console.print(
             f"[bold]{escape(summary['scenario'])}[/bold], policy {escape(summary['policy'])}, "
             f"{summary['level']} level, seed {summary['seed']}, {len(summary['episodes'])} episodes: "

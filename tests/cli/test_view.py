@@ -5,23 +5,8 @@ import webbrowser
 
 import pytest
 
-from pace_drake.cli.main import main
 from pace_drake.evaluate import screenshot
-
-
-def pace(*arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    return stop.value.code
-
-
-def refused(capsys, *arguments):
-    capsys.readouterr()
-    assert pace(*arguments) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("pace: ")
-    assert error.count("\n") == 1
-    return error
+from tests.cli.test_run import pace, refused
 
 
 @pytest.fixture(scope="module")

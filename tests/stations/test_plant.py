@@ -28,7 +28,11 @@ def station():
 @pytest.fixture
 def simulator(station):
     """At home, at rest, with the desired position at home; a fresh context."""
-    simulator = Simulator(station)
+    return held_at_home(station, Simulator(station))
+
+
+def held_at_home(station, simulator):
+    """Fixes the inputs so that the arm stays at home, and initializes."""
     context = simulator.get_mutable_context()
     station.GetInputPort("panda.position").FixValue(context, Workcell().home)
     station.GetInputPort("gripper.position").FixValue(context, [Workcell().gripper_open])
@@ -346,16 +350,8 @@ def test_the_default_context_forgets_all_of_an_episode(station):
         found.append(station.plant.get_state_output_port().Eval(station.plant.GetMyContextFromRoot(context)).copy())
         return found, station.GetOutputPort("key_taken").Eval(context).copy()
 
-    def fixed(simulator):
-        context = simulator.get_mutable_context()
-        station.GetInputPort("panda.position").FixValue(context, Workcell().home)
-        station.GetInputPort("gripper.position").FixValue(context, [Workcell().gripper_open])
-        station.GetInputPort("p_WH").FixValue(context, HAND)
-        simulator.Initialize()
-        return simulator
-
-    fresh, _ = play(fixed(Simulator(station)))
-    used = fixed(Simulator(station))
+    fresh, _ = play(held_at_home(station, Simulator(station)))
+    used = held_at_home(station, Simulator(station))
     context = used.get_mutable_context()
     station.set_layout(context, LAYOUT)
     X_WO = RigidTransform([0.9, 0.0, 0.4])
@@ -366,7 +362,7 @@ def test_the_default_context_forgets_all_of_an_episode(station):
     assert station.GetOutputPort("key_taken").Eval(context)[0] == 1
     station.SetDefaultContext(context)
     context.SetTime(0.0)
-    again, taken = play(fixed(used))
+    again, taken = play(held_at_home(station, used))
     assert not np.any(taken)
     for expected, state in zip(fresh, again, strict=True):
         np.testing.assert_array_equal(state, expected)
