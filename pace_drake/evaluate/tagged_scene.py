@@ -5,16 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.geometry import Box
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import RigidBody, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from pace_drake.perception import UprightPose
-from pace_drake.resources import resource_path
 from pace_drake.stations.camera import add_cameras
 from pace_drake.stations.components import components
-from pace_drake.stations.tags import add_tags
+from pace_drake.stations.plant import add_components, add_furniture
 from pace_drake.stations.workcell import Camera, Workcell
 
 #: [m] edges of the plates that hide a single tag, or all of the chair's side.
@@ -35,30 +33,22 @@ class TaggedScene:
     """
 
     def __init__(self, workcell: Workcell, cameras: Mapping[str, Camera]) -> None:
-        self.names = tuple(component.name for component in components(workcell))
         builder = DiagramBuilder()
         # Discrete, as the second finger's mimic joint asks for.
         self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, workcell.time_step)
-        models = resource_path("models/package.xml").parent
-        parser = Parser(self._plant, scene_graph)
-        parser.SetAutoRenaming(True)
-        parser.package_map().AddPackageXml(str(models / "package.xml"))
-        ProcessModelDirectives(LoadModelDirectives(str(models / "workcell.dmd.yaml")), parser)
-        self._bodies: dict[str, RigidBody] = {}
-        for name in self.names:
-            model = name.rstrip("0123456789").rstrip("_")
-            (instance,) = parser.AddModels(str(models / f"{model}.sdf"))
-            self._plant.RenameModelInstance(instance, name)
-            self._bodies[name] = self._plant.GetBodyByName(model, instance)
-            if model == "cube":  # its file leaves the looks to the station
-                color = workcell.colors[(int(name.removeprefix("cube_")) - 1) % len(workcell.colors)]
-                self._show(name, (0.04, 0.04, 0.04), color)
+        add_components(self._plant, scene_graph, workcell, add_furniture(self._plant, scene_graph, workcell))
+        self._bodies: dict[str, RigidBody] = {
+            component.name: self._plant.GetBodyByName(
+                component.model, self._plant.GetModelInstanceByName(component.name)
+            )
+            for component in components(workcell)
+        }
         for name, size in _COVERS.items():
             self._bodies[name] = self._plant.AddRigidBody(
                 name, self._plant.AddModelInstance(name), SpatialInertia.SolidBoxWithMass(1.0, *size)
             )
-            self._show(name, size, [0.3, 0.3, 0.3, 1.0])
-        add_tags(self._plant, self.names)
+            grey = np.array([0.3, 0.3, 0.3, 1.0])
+            self._plant.RegisterVisualGeometry(self._bodies[name], RigidTransform(), Box(*size), name, grey)
         self._plant.Finalize()
         add_cameras(builder, scene_graph, cameras)
         self._diagram = builder.Build()
@@ -67,9 +57,6 @@ class TaggedScene:
         arm = self._plant.GetModelInstanceByName("panda")
         self._plant.SetPositions(self._plant_context, arm, [*workcell.home, 0.0, 0.0])
         self.uncover()
-
-    def _show(self, name: str, size: tuple[float, float, float], color: list[float]) -> None:
-        self._plant.RegisterVisualGeometry(self._bodies[name], RigidTransform(), Box(*size), name, np.array(color))
 
     def place(self, poses: Mapping[str, UprightPose]) -> None:
         """Puts components where they are said to be."""

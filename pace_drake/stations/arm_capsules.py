@@ -10,8 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from pace_drake.resources import resource_path
 from pace_drake.safety.proximity import ArmCapsules
-
-_NUM_JOINTS = 7
+from pace_drake.stations.plant import NUM_ARM_JOINTS
 
 
 def load_arm_capsules() -> ArmCapsules:
@@ -31,10 +30,10 @@ def load_arm_capsules() -> ArmCapsules:
     inspector = scene_graph.model_inspector()
 
     joints = []
-    for k in range(1, _NUM_JOINTS + 1):
+    for k in range(1, NUM_ARM_JOINTS + 1):
         frame = plant.GetJointByName(f"panda_joint{k}").frame_on_parent()
         joints.append(frame.GetFixedPoseInBodyFrame().GetAsMatrix34())
-    link_frames = [plant.GetFrameByName(f"panda_link{k}") for k in range(_NUM_JOINTS + 1)]
+    link_frames = [plant.GetFrameByName(f"panda_link{k}") for k in range(NUM_ARM_JOINTS + 1)]
     hand = plant.GetFrameByName("panda_hand")
     fingers = [plant.GetJointByName(f"panda_finger_joint{k}") for k in (1, 2)]
     links: list[int] = []
@@ -44,7 +43,7 @@ def load_arm_capsules() -> ArmCapsules:
     for index in plant.GetBodyIndices(panda):
         body = plant.get_body(index)
         name = body.name()
-        link = int(name[-1]) if name.startswith("panda_link") else _NUM_JOINTS
+        link = int(name[-1]) if name.startswith("panda_link") else NUM_ARM_JOINTS
         for geometry in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(index), Role.kProximity):
             shape, X_BG = inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry)
             if isinstance(shape, Capsule):
@@ -65,8 +64,8 @@ def load_arm_capsules() -> ArmCapsules:
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     ends = [np.array([middle[0], y, middle[2]]) for y in (low[1], high[1])]
-    X_LH = plant.CalcRelativeTransform(context, link_frames[_NUM_JOINTS], hand)
-    links.append(_NUM_JOINTS)
+    X_LH = plant.CalcRelativeTransform(context, link_frames[NUM_ARM_JOINTS], hand)
+    links.append(NUM_ARM_JOINTS)
     segments.append([X_LH @ end for end in ends])
     radii.append(float(np.hypot(high[0] - middle[0], high[2] - middle[2])))
     return ArmCapsules(np.array(joints), np.array(links), np.array(segments), np.array(radii))
