@@ -12,6 +12,7 @@ from pydrake.lcm import DrakeLcm
 
 from pace_drake.errors import InputError
 from pace_drake.lcm.config import LcmConfig
+from pace_drake.lcm.link import Lcm, LcmNetwork
 
 _SCHEMES = ("memq", "udpm", "tcpq")
 
@@ -51,14 +52,16 @@ def preflight(url: str) -> None:
         ) from error
 
 
-def open_lcm(config: LcmConfig) -> DrakeLcm:
-    """Returns a ``DrakeLcm`` on ``config.url`` after the preflight.
+def open_lcm(config: LcmConfig) -> Lcm:
+    """Opens ``config.url`` after the preflight: a DrakeLcm on ``memq://``, otherwise an LcmNetwork.
 
     Raises:
         InputError: see `preflight`; also where ``DRAKE_ALLOW_NETWORK`` forbids the URL.
     """
     preflight(config.url)
     try:
-        return DrakeLcm(config.url)
+        # Drake's word on whether the network may be used counts, whoever uses it.
+        lcm = DrakeLcm(config.url)
     except RuntimeError as error:
         raise InputError(f"Drake refuses LCM URL {config.url!r}: {error}") from error
+    return lcm if config.url.startswith("memq") else LcmNetwork(config.url)

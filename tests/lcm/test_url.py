@@ -5,6 +5,7 @@ import warnings
 from pathlib import Path
 
 import pytest
+from pydrake.lcm import DrakeLcm
 
 from pace_drake.errors import InputError
 from pace_drake.lcm import url as dut
@@ -46,7 +47,8 @@ def test_memq_needs_no_preflight(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_lcm_is_off_by_default() -> None:
-    assert dut.open_lcm(LcmConfig()).get_lcm_url() == "memq://null"
+    assert isinstance(dut.open_lcm(LcmConfig()), DrakeLcm)
+    assert LcmConfig().url == "memq://null"
 
 
 def test_absent_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
