@@ -1,7 +1,7 @@
 """The same diagram on LCM: drives a robot through the driver's messages, here answered by a test peer.
 
 The peer is OURS and no robot: it follows commands with a first-order lag. In-process LCM (memq://) is used, so nothing
-leaves this program. On a lab network the URL is the driver's, the peer is absent and ``open_lcm`` checks the URL first.
+leaves this program. On a lab network ``pace bridge`` does this, with checks before and an operator (docs/hardware.md).
 
     python examples/bridge.py [seconds]
 """
@@ -17,7 +17,7 @@ from pace_drake.lcm.config import LcmConfig
 from pace_drake.lcm.panda_peer import PandaPeer
 from pace_drake.policies.factory import make_policy
 from pace_drake.scenario import load_scenario
-from pace_drake.stations.hardware import LcmLoop, make_hardware_station
+from pace_drake.stations.hardware import HardwareStation, LcmLoop
 from pace_drake.stations.motions import plan_motions
 
 
@@ -29,11 +29,12 @@ def run(seconds: float) -> tuple[float, float, int, int]:
     motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
     peer = PandaPeer(lcm, motions.home, config=config)
 
+    station = HardwareStation(config, lcm, clock=peer.wall_clock)
     # Everything but the station is what simulation runs; on hardware the logic reacts every 10 ms.
     assembly = Assembly(
         scenario,
         make_policy("phase_threshold", scenario),
-        station=make_hardware_station(config, lcm, clock=peer.wall_clock),
+        station=station,
         motions=motions,
         reaction_period=0.01,
     )
@@ -41,9 +42,10 @@ def run(seconds: float) -> tuple[float, float, int, int]:
     context = simulator.get_mutable_context()
     assembly.set_episode(context, assembly.people.sample(scenario, np.random.default_rng(0)))
 
-    loop = LcmLoop(simulator, lcm, config, clock=peer.elapsed, poll_timeout=0.0)
+    loop = LcmLoop(simulator, lcm, station.status.inbox, clock=peer.elapsed, poll_timeout=0.0)
     peer.step(0.0)  # the first status
     loop.initialize(timeout=0.0)
+    assembly.GetInputPort("ack").FixValue(context, 1.0)  # the operator's leave; nothing is sent without it
     worst = 0.0
     while context.get_time() < seconds and not assembly.GetOutputPort("finished").Eval(context)[0]:
         peer.step(0.005)

@@ -46,7 +46,9 @@ class Assembly(Diagram):
 
     Exported inputs:
         assist (1): the decision; only without a policy.
-        start, stop, fault, ack (1 each): the operator's; they may stay unconnected.
+        start, stop, fault, ack (1 each): the operator's; they may stay unconnected. With a hardware station they pass
+            through its watchdog, which adds its own.
+        stalled (1) [s]: only with a hardware station; time that the process has lost.
         button (1): how often the person has said "done"; only where an action monitor stands in for the truth; it may
             stay unconnected.
         hand_age (1) [s]: how old p_WH is; only with a safety monitor; it may stay unconnected.
@@ -222,13 +224,12 @@ class Assembly(Diagram):
             connect(self.decision, "assist", self.task_statechart, "assist")
         else:
             builder.ExportInput(self.task_statechart.GetInputPort("assist"), "assist")
-        for name in OPERATOR_INPUTS:
-            if self.task_statechart.HasInputPort(name) and not (name == "stop" and self.safety_monitor is not None):
-                builder.ExportInput(self.task_statechart.GetInputPort(name), name)
-        if self.safety_monitor is not None:
-            self._add_safety(builder, self.safety_monitor, connect)
         if station is not None:
             builder.AddSystem(station)
+        if self.safety_monitor is not None:
+            self._add_safety(builder, self.safety_monitor, connect)
+        self._add_operator(builder)
+        if station is not None:
             connect(self.robot_action, "position", station, "panda.position")
             connect(self.robot_action, "gripper_position", station, "gripper.position")
             connect(self.human, "p_WH", station, "p_WH")
@@ -319,23 +320,36 @@ class Assembly(Diagram):
             assert cube is not None
             plant.refill(context, cube, sequence)
 
+    def _add_operator(self, builder: DiagramBuilder) -> None:
+        """Exports the operator's signals: stop and fault pass through whatever adds its own, the others go to all."""
+        systems = (self.station, self.safety_monitor, self.task_statechart)
+        for name in OPERATOR_INPUTS:
+            first, *others = [system for system in systems if system is not None and system.HasInputPort(name)] or [
+                None
+            ]
+            if first is None:
+                continue
+            builder.ExportInput(first.GetInputPort(name), name)
+            for system in others:
+                if first.HasOutputPort(name):
+                    builder.Connect(first.GetOutputPort(name), system.GetInputPort(name))
+                    first = system
+                else:
+                    builder.ConnectInput(name, system.GetInputPort(name))
+        if self.station is not None and self.station.HasInputPort("stalled"):
+            builder.ExportInput(self.station.GetInputPort("stalled"), "stalled")
+
     def _add_safety(
         self,
         builder: DiagramBuilder,
         monitor: "SafetyMonitor",
         connect: Callable[[LeafSystem, str, LeafSystem, str], None],
     ) -> None:
-        """Wires the safety monitor; its stop, which passes the operator's on, is the chart's."""
+        """Wires the safety monitor."""
         connect(self.human, "p_WH", monitor, "p_WH")
         for name in ("path_position", "path_velocity", "motion_progress"):
             connect(self.robot_action, name, monitor, name)
         connect(monitor, "speed_scale", self.robot_action, "speed_scale")
-        connect(monitor, "stop", self.task_statechart, "stop")
-        builder.ExportInput(monitor.GetInputPort("stop"), "stop")
-        if self.task_statechart.HasInputPort("ack"):
-            builder.ConnectInput("ack", monitor.GetInputPort("ack"))
-        else:
-            builder.ExportInput(monitor.GetInputPort("ack"), "ack")
         builder.ExportInput(monitor.GetInputPort("hand_age"), "hand_age")
         for source, target in (("hand_distance",) * 2, ("speed_scale",) * 2, ("stop", "safety_stop")):
             builder.ExportOutput(monitor.GetOutputPort(source), target)

@@ -1,153 +1,145 @@
-"""Senders of the arm's and the hand's commands: silent until there is a fresh status to start from."""
+"""Senders of the arm's and the gripper's commands: silent until the operator lets them speak."""
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from drake import lcmt_panda_command, lcmt_panda_status, lcmt_schunk_wsg_command
-from pydrake.lcm import DrakeLcmInterface
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pace_drake.errors import InputError
-
-NUM_JOINTS = 7
-
-
-def _eval(port: InputPort, context: Context) -> np.ndarray:
-    value: Any = port.Eval(context)  # Drake's stubs say object.
-    return value
+from pace_drake.lcm.link import Lcm
+from pace_drake.ports import declare_input, declare_output
+from pace_drake.safety.command_gate import CommandGate, GateInput, GateMode, GateState
+from pace_drake.safety.joint_limits import NUM_JOINTS
 
 
 class PandaCommandSender(LeafSystem):
-    """Publishes the arm's commanded position as ``lcmt_panda_command``, as the position-mode driver wants it.
+    """Publishes what a CommandGate lets pass as ``lcmt_panda_command``, as the position-mode driver wants it.
 
-    A command carries the POSITION bit alone, empty velocity and torque arrays, and the wall clock as
-    ``utime``: the driver drops what differs from its own clock by more than 0.1 s, past or future. (Drake's
-    own ``PandaCommandSender`` stamps the context time: a diagram that starts at t = 0 never moves a robot.)
-
-    The start gate. Nothing is sent unless the status is fresh and the robot is in Move mode. The first
-    command after that state is reached IS the measured position, and it is sent only if the commanded
-    position lies within `start_tolerance` of it; otherwise InputError is raised and nothing is sent. The gate
-    applies again after every gap in the status and after every stay outside Move: the driver holds the last
-    position in the meantime, while the diagram's reference may have gone on.
+    A command carries the POSITION bit alone, empty velocity and torque arrays, and the wall clock as ``utime``: the
+    driver drops what differs from its own clock by more than 0.1 s, past or future. (Drake's own
+    ``PandaCommandSender`` stamps the context time: a diagram that starts at t = 0 never moves a robot.)
 
     Inputs:
-        position (7) [rad] commanded joint position.
-        position_measured (7) [rad] joint position of the last status.
-        status_age (1) [s] time since the last status arrived; infinite before the first.
-        robot_mode (1) libfranka's robot mode of the last status; 2 = Move. It and `status_age` must come from
-            discrete state and time alone, as those of ``StatusMonitor`` do; see Events.
+        position (7) [rad]: the reference.
+        position_measured (7) [rad]: of the last status.
+        status_age (1) [s]: time since the last status; infinite before the first.
+        robot_mode (1): libfranka's robot mode of the last status; 2 = Move.
+        fault (1): brakes, while it is not 0.
+        enable (1): the operator's leave to move: its rising edge counts; unconnected, never.
+
+    Outputs:
+        following (1): 1 while the reference is what is sent.
+        gate_mode (1): see ``GateMode``.
+        refusal (2): why the last command that was refused was (``Refusal``), and at which joint [1-based]; 0 none.
+        num_refusals (1).
+        command (7) [rad], command_velocity (7) [rad/s]: sent last, while gate_mode is not SILENT.
 
     State:
-        started (1) 1 if the command of the last period was sent, so that the gate has been passed.
+        That of the gate (``GateState.vector``).
 
     Events:
-        Publish, every ``1 / rate`` seconds: sends one command.
-        Update, at the same instants: it sees the same values of `status_age` and `robot_mode` as the publish
-        before it, since discrete updates of one instant all read the values before them.
+        update, every ``gate.period``: sends one command, if the gate sends one at this tick. (A publish event of the
+            same instant belongs to the end of the step before: where an input changes between two advances, it would
+            send something else than what the update remembers.)
 
-    Raises (from the publish event):
-        InputError: the start gate is closed.
-        ValueError: a commanded or measured position is not finite.
+    Args:
+        lcm: where the commands are published.
+        gate: what lets them pass.
+        channel: LCM channel of the commands.
+        status_timeout: [s] largest status_age on which a command is sent.
+        clock: wall clock [s since the Unix epoch] that stamps the commands.
     """
 
     def __init__(
         self,
-        lcm: DrakeLcmInterface,
+        lcm: Lcm,
+        gate: CommandGate,
         *,
         channel: str = "PANDA_COMMAND",
-        rate: float = 200.0,
         status_timeout: float = 0.05,
-        start_tolerance: float = 0.01,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        """Declares ports and events.
-
-        Args:
-            lcm: where the commands are published.
-            channel: LCM channel of the commands.
-            rate: commands per second of context time [Hz].
-            status_timeout: largest `status_age` on which a command is sent [s].
-            start_tolerance: largest \\|commanded - measured\\| of a joint at the first command [rad].
-            clock: wall clock [s since the Unix epoch] that stamps the commands.
-        """
-        LeafSystem.__init__(self)
-        self._lcm = lcm
-        self._channel = channel
+        super().__init__()
+        self._lcm, self._gate, self._channel, self._clock = lcm, gate, channel, clock
         self._status_timeout = status_timeout
-        self._start_tolerance = start_tolerance
-        self._clock = clock
-        self._position = self.DeclareVectorInputPort("position", NUM_JOINTS)
-        self._position_measured = self.DeclareVectorInputPort("position_measured", NUM_JOINTS)
-        self._status_age = self.DeclareVectorInputPort("status_age", 1)
-        self._robot_mode = self.DeclareVectorInputPort("robot_mode", 1)
-        self.DeclareDiscreteState(1)
-        self.DeclarePeriodicPublishEvent(1.0 / rate, 0.0, self.Publish)
-        self.DeclarePeriodicDiscreteUpdateEvent(1.0 / rate, 0.0, self.Update)
+        self._position = declare_input(self, "position", NUM_JOINTS)
+        self._measured = declare_input(self, "position_measured", NUM_JOINTS)
+        self._status_age = declare_input(self, "status_age")
+        self._robot_mode = declare_input(self, "robot_mode")
+        self._fault = declare_input(self, "fault")
+        self._enable = declare_input(self, "enable")
+        self.DeclareDiscreteState(GateState().vector())
+        state = {self.xd_ticket()}
+        declare_output(self, "following", lambda c: self.state(c).mode == GateMode.FOLLOWING, state)
+        declare_output(self, "gate_mode", lambda c: self.state(c).mode, state)
+        declare_output(self, "refusal", lambda c: [self.state(c).refusal, self.state(c).joint], state, size=2)
+        declare_output(self, "num_refusals", lambda c: self.state(c).num_refusals, state)
+        declare_output(self, "command", lambda c: self.state(c).position, state, size=NUM_JOINTS)
+        declare_output(self, "command_velocity", lambda c: self.state(c).velocity, state, size=NUM_JOINTS)
+        self.DeclarePeriodicDiscreteUpdateEvent(gate.period, 0.0, self.Update)
 
-    def Publish(self, context: Context) -> None:
-        """Sends the command of this instant, or the measured position if it is the first."""
-        if not self._may_send(context):
+    @staticmethod
+    def state(context: Context) -> GateState:
+        """What the gate remembers."""
+        return GateState.from_vector(context.get_discrete_state_vector().value())
+
+    def Update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        """Sends the command of this instant and remembers it."""
+        seen = GateInput(
+            reference=self._position.Eval(context),
+            measured=self._measured.Eval(context),
+            ready=bool(
+                self._status_age.Eval(context)[0] <= self._status_timeout
+                and self._robot_mode.Eval(context)[0] == lcmt_panda_status.kMove
+            ),
+            fault=bool(self._fault.HasValue(context) and self._fault.Eval(context)[0]),
+            enable=bool(self._enable.HasValue(context) and self._enable.Eval(context)[0]),
+        )
+        after = self._gate.tick(self.state(context), seen)
+        discrete_state.set_value(0, after.vector())
+        if after.mode == GateMode.SILENT:
             return
-        position = _eval(self._position, context)
-        if not np.all(np.isfinite(position)):
-            raise ValueError(f"{self._channel} not sent: commanded position {position} is not finite")
-        if context.get_discrete_state_vector().GetAtIndex(0) == 0.0:
-            position = self._check_start(position, _eval(self._position_measured, context))
         message = lcmt_panda_command()
         message.utime = int(self._clock() * 1e6)
         message.num_joint_position = NUM_JOINTS
-        message.joint_position = position.tolist()
+        message.joint_position = after.position.tolist()
         message.control_mode_expected = lcmt_panda_status.CONTROL_MODE_POSITION
         self._lcm.Publish(self._channel, message.encode())
 
-    def Update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        """Remembers whether the publish event of this instant sent a command."""
-        discrete_state.get_mutable_vector().SetAtIndex(0, float(self._may_send(context)))
-
-    def _may_send(self, context: Context) -> bool:
-        return bool(
-            _eval(self._status_age, context)[0] <= self._status_timeout
-            and _eval(self._robot_mode, context)[0] == lcmt_panda_status.kMove
-        )
-
-    def _check_start(self, position: np.ndarray, position_measured: np.ndarray) -> np.ndarray:
-        """Returns `position_measured`, once `position` is known to be near it."""
-        if not np.all(np.isfinite(position_measured)):
-            raise ValueError(f"{self._channel} not sent: measured position {position_measured} is not finite")
-        error = np.abs(position - position_measured)
-        joint = int(np.argmax(error))
-        if error[joint] > self._start_tolerance:
-            raise InputError(
-                f"{self._channel} not sent: joint {joint + 1} is commanded to {position[joint]:.4f} rad but "
-                f"measured at {position_measured[joint]:.4f} rad (the first command may differ by "
-                f"{self._start_tolerance:g} rad): start the motion from the measured position"
-            )
-        return position_measured
-
 
 class GripperCommandSender(LeafSystem):
-    """Publishes the hand's commanded width as ``lcmt_schunk_wsg_command``.
+    """Publishes the gripper's commanded width as ``lcmt_schunk_wsg_command``.
 
-    The hand driver opens by a move and closes by a grasp with the given force; it ignores repeated identical
-    commands, so the period only bounds the delay. Nothing is sent unless the hand's status is fresh. The
-    width is a set point, not a trajectory: the start gate of the arm does not apply.
+    The driver opens by a move and closes by a grasp with the given force; it ignores repeated identical commands, so
+    the period only bounds the delay. Nothing is sent unless the gripper's status is fresh and the arm follows its path:
+    no finger moves before the operator has let the arm move, nor during a fault. The width is a set point, not a
+    trajectory.
 
     Inputs:
-        position (1) [m] commanded width between the fingers.
-        status_age (1) [s] time since the last hand status arrived; infinite before the first.
+        position (1) [m]: commanded width between the fingers.
+        status_age (1) [s]: time since the last gripper status arrived; infinite before the first.
+        following (1): whether the arm follows its path.
 
     Events:
-        Publish, every ``1 / rate`` seconds: sends one command.
+        publish, every ``1 / rate`` seconds: sends one command.
 
     Raises (from the publish event):
-        ValueError: the commanded width is not finite.
+        InputError: the commanded width is not finite.
+
+    Args:
+        lcm: where the commands are published.
+        channel: LCM channel of the commands.
+        rate: [Hz] commands per second of context time.
+        status_timeout: [s] largest status_age on which a command is sent.
+        force: [N] grasp force when closing.
+        clock: wall clock [s since the Unix epoch] that stamps the commands.
     """
 
     def __init__(
         self,
-        lcm: DrakeLcmInterface,
+        lcm: Lcm,
         *,
         channel: str = "PANDA_HAND_COMMAND",
         rate: float = 10.0,
@@ -155,33 +147,22 @@ class GripperCommandSender(LeafSystem):
         force: float = 40.0,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        """Declares ports and events.
-
-        Args:
-            lcm: where the commands are published.
-            channel: LCM channel of the commands.
-            rate: commands per second of context time [Hz].
-            status_timeout: largest `status_age` on which a command is sent [s].
-            force: grasp force when closing [N].
-            clock: wall clock [s since the Unix epoch] that stamps the commands.
-        """
-        LeafSystem.__init__(self)
-        self._lcm = lcm
-        self._channel = channel
+        super().__init__()
+        self._lcm, self._channel, self._force, self._clock = lcm, channel, force, clock
         self._status_timeout = status_timeout
-        self._force = force
-        self._clock = clock
-        self._position = self.DeclareVectorInputPort("position", 1)
-        self._status_age = self.DeclareVectorInputPort("status_age", 1)
+        self._position = declare_input(self, "position")
+        self._status_age = declare_input(self, "status_age")
+        self._following = declare_input(self, "following")
         self.DeclarePeriodicPublishEvent(1.0 / rate, 0.0, self.Publish)
 
     def Publish(self, context: Context) -> None:
         """Sends the command of this instant."""
-        if not _eval(self._status_age, context)[0] <= self._status_timeout:  # so written for NaN
+        fresh = self._status_age.Eval(context)[0] <= self._status_timeout
+        if not (fresh and self._following.Eval(context)[0]):
             return
-        width = float(_eval(self._position, context)[0])
+        width = float(self._position.Eval(context)[0])
         if not np.isfinite(width):
-            raise ValueError(f"{self._channel} not sent: commanded width {width} is not finite")
+            raise InputError(f"{self._channel} not sent: the commanded width is {width}")
         message = lcmt_schunk_wsg_command()
         message.utime = int(self._clock() * 1e6)
         message.target_position_mm = 1e3 * width

@@ -28,6 +28,8 @@ class PandaPeer:
         width: width between the fingers [m].
         robot_mode: robot mode to report.
         torque_external: external torque (7) [Nm] to report, in libfranka's sign.
+        success_rate: share of commands in time [-] to report.
+        blocked: joints (7) that something holds.
         silent: True while no status is published.
         num_accepted, num_rejected: arm commands since construction.
         num_hand_accepted: hand commands since construction that were not repetitions.
@@ -59,6 +61,8 @@ class PandaPeer:
         self.width = width
         self.robot_mode = lcmt_panda_status.kMove
         self.torque_external = np.zeros(7)
+        self.success_rate = 1.0
+        self.blocked = np.zeros(7, dtype=bool)
         self.silent = False
         self.num_accepted = 0
         self.num_rejected = 0
@@ -81,7 +85,7 @@ class PandaPeer:
         return 1e-6 * self._elapsed
 
     def wall_clock(self) -> float:
-        """Returns the peer's wall clock [s]: the clock that stamps commands in ``make_hardware_station``."""
+        """Returns the peer's wall clock [s]: the clock that stamps commands in ``HardwareStation``."""
         return 1e-6 * (START_UTIME + self._elapsed)
 
     def step(self, duration: float) -> None:
@@ -107,6 +111,7 @@ class PandaPeer:
         self._elapsed = elapsed
         # Exact for a first-order response to a constant command.
         step = (1.0 - math.exp(-2.0 * math.pi * LOW_PASS * dt)) * (self._target - self.position)
+        step[self.blocked] = 0.0
         self.position += step
         self.velocity = step / dt
         target_width = 1e-3 * self._hand_command[0]
@@ -122,7 +127,7 @@ class PandaPeer:
         message.joint_torque_external = self.torque_external.tolist()
         for name in ("velocity_desired", "acceleration_desired", "torque", "torque_desired"):
             setattr(message, f"joint_{name}", [0.0] * 7)
-        message.control_command_success_rate = 1.0
+        message.control_command_success_rate = self.success_rate
         message.robot_mode = self.robot_mode
         message.robot_utime = self._elapsed
         if not self.silent:

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pace_drake.dtw.end import EndDetector
-from pace_drake.systems.ports import declare_input, declare_output, declare_update
+from pace_drake.ports import declare_input, declare_output, declare_update
 from pace_drake.task import Task
 
 

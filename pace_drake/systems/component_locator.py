@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from pace_drake.perception import UprightPose
-from pace_drake.systems.ports import declare_input, declare_output, declare_update
+from pace_drake.ports import declare_input, declare_output, declare_update
 from pace_drake.task import ActionKind
 
 #: Looks at a colour picture (height, width, 4) and a depth picture (height, width) [m]: poses by component; one that

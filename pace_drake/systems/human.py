@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pace_drake.demos import Demonstration
-from pace_drake.systems.ports import declare_input, declare_output, declare_update
+from pace_drake.ports import declare_input, declare_output, declare_update
 from pace_drake.task import Episode, Task
 
 

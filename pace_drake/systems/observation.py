@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.systems.framework import Context, LeafSystem
 
 from pace_drake.observation import OBSERVATION, OBSERVATION_SETS
-from pace_drake.systems.ports import declare_input, declare_output
+from pace_drake.ports import declare_input, declare_output
 
 
 class Observation(LeafSystem):

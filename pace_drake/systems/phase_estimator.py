@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pace_drake.dtw.estimator import Estimate, Estimator
-from pace_drake.systems.ports import declare_input, declare_output
+from pace_drake.ports import declare_input, declare_output
 
 #: In actions without an estimator, that is joint actions and waiting for them: nothing is left of the person's own.
 _DONE = Estimate(1.0, phase_std=0.0, remaining_time=0.0, remaining_time_std=0.0)

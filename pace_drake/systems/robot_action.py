@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from pace_drake.systems.ports import declare_input, declare_output, declare_update
+from pace_drake.ports import declare_input, declare_output, declare_update
 from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind, Episode, Task
 
 #: [s] how soon an arm that has not arrived at the end of its motion is looked at again.

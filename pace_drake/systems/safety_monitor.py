@@ -6,11 +6,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, ValueProducer
 
+from pace_drake.ports import declare_input, declare_output
 from pace_drake.safety.config import SafetyConfig
 from pace_drake.safety.proximity import ArmCapsules, approach
 from pace_drake.safety.separation import allowed_rate, allowed_speed
 from pace_drake.stations.person import LIMB_RADII, limb_segments
-from pace_drake.systems.ports import declare_input, declare_output
 from pace_drake.systems.robot_action import NUM_POSTURES, STOP_TIME, Pacing
 from pace_drake.task import ActionKind
 

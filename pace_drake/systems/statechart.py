@@ -9,9 +9,9 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
 from pace_drake.errors import InputError
+from pace_drake.ports import declare_input, declare_output, declare_update
 from pace_drake.statechart import Chart, CompiledChart
 from pace_drake.statechart.compile import MAX_CHAIN
-from pace_drake.systems.ports import declare_input, declare_output, declare_update
 
 _OWN_OUTPUTS = ("mode", "finished", "decision_pending", "next_event_time", "trace")
 #: Places in the trace: time [s] and leaf before the update, transitions taken, leaves in which they ended.

@@ -4,8 +4,8 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from pace_drake.errors import InputError
+from pace_drake.ports import declare_output
 from pace_drake.statechart import CompiledChart
-from pace_drake.systems.ports import declare_output
 from pace_drake.systems.statechart import StatechartSystem
 from pace_drake.task import ActionKind
 

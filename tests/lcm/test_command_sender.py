@@ -5,8 +5,9 @@ from pydrake.lcm import DrakeLcm
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
-from pace_drake.errors import InputError
 from pace_drake.lcm.command_sender import GripperCommandSender, PandaCommandSender
+from pace_drake.safety.command_gate import CommandGate, GateMode, Refusal
+from pace_drake.safety.joint_limits import JOINT_LIMITS
 
 WALL_CLOCK = 1_700_000_000.25  # [s]
 Q0 = np.array([0.0, -0.4, 0.1, -2.2, 0.0, 1.8, 0.8])
@@ -39,13 +40,11 @@ class Bench:
         return list(self.received)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def panda() -> Bench:
     lcm = DrakeLcm("memq://")
-    dut = PandaCommandSender(
-        lcm, channel="C", rate=100.0, status_timeout=0.05, start_tolerance=0.01, clock=lambda: WALL_CLOCK
-    )
-    return Bench(dut, lcm, "C")
+    gate = CommandGate(limits=JOINT_LIMITS["fer"], period=0.01)
+    return Bench(PandaCommandSender(lcm, gate, channel="C", clock=lambda: WALL_CLOCK), lcm, "C")
 
 
 @pytest.fixture(scope="module")
@@ -61,12 +60,13 @@ def ready(**other: object) -> dict[str, object]:
         "position_measured": Q0,
         "status_age": 0.0,
         "robot_mode": lcmt_panda_status.kMove,
+        "enable": 1.0,
         **other,
     }
 
 
 def test_command_is_what_the_driver_wants(panda: Bench) -> None:
-    panda.start(**ready()).AdvanceTo(0.05)
+    panda.start(**ready()).AdvanceTo(0.055)
     sent = panda.sent()
     assert len(sent) == 6
     for data in sent:
@@ -86,79 +86,53 @@ def test_command_is_what_the_driver_wants(panda: Bench) -> None:
         {"robot_mode": lcmt_panda_status.kOther},
         {"robot_mode": lcmt_panda_status.kReflex},
         {"robot_mode": lcmt_panda_status.kUserStopped},
+        {"enable": 0.0},
+        {"fault": 1.0},
+        {"position": np.full(7, np.nan)},
+        {"position_measured": np.full(7, np.nan)},
     ],
 )
-def test_nothing_is_sent_unless_fresh_and_in_move(panda: Bench, inputs: dict[str, object]) -> None:
+def test_nothing_is_sent_unless_all_is_well(panda: Bench, inputs: dict[str, object]) -> None:
     panda.start(**ready(**inputs)).AdvanceTo(0.1)
     assert panda.sent() == []
 
 
-def test_first_command_equals_measured_position(panda: Bench) -> None:
-    commanded = Q0 + 0.009
-    panda.start(**ready(position=commanded)).AdvanceTo(0.05)
-    first, *later = (lcmt_panda_command.decode(data).joint_position for data in panda.sent())
-    np.testing.assert_array_equal(first, Q0)
-    assert len(later) == 5
-    for position in later:
-        np.testing.assert_array_equal(position, commanded)
-
-
-@pytest.mark.parametrize("offset", [0.011, -0.5])
-def test_wrong_start_is_refused_in_one_line(panda: Bench, offset: float) -> None:
-    commanded = Q0.copy()
-    commanded[2] += offset
-    with pytest.raises(InputError, match="C not sent: joint 3 is commanded") as raised:
-        panda.start(**ready(position=commanded)).Initialize()
-    assert "\n" not in str(raised.value)
+def test_unconnected_it_has_no_leave(panda: Bench) -> None:
+    inputs = ready()
+    del inputs["enable"]
+    panda.start(**inputs).AdvanceTo(0.1)
     assert panda.sent() == []
 
 
-@pytest.mark.parametrize(("name", "gap"), [("status_age", 0.2), ("robot_mode", lcmt_panda_status.kGuiding)])
-def test_start_gate_applies_again_after_a_gap(panda: Bench, name: str, gap: float) -> None:
+def test_what_is_remembered_is_what_was_sent_when_an_input_changes_at_a_tick(panda: Bench) -> None:
+    simulator = panda.start(**ready(enable=0.0))
+    simulator.AdvanceTo(0.05)  # at a tick
+    panda.fix(simulator, enable=1.0, position=Q0 + 0.01)
+    simulator.AdvanceTo(0.105)
+    sent = [lcmt_panda_command.decode(data).joint_position for data in panda.sent()]
+    np.testing.assert_array_equal(sent[0], Q0)
+    np.testing.assert_array_equal(sent[-1], panda.dut.GetOutputPort("command").Eval(simulator.get_context()))
+    assert len(sent) == 6
+
+
+def test_gate_is_put_out(panda: Bench) -> None:
     simulator = panda.start(**ready())
-    simulator.AdvanceTo(0.105)  # between two events, so that the publish and the update of each agree
-    assert panda.sent() != []
-    panda.fix(simulator, **{name: gap})
-    simulator.AdvanceTo(0.205)
-    assert panda.sent() == []
-    # The reference went on meanwhile.
-    panda.fix(simulator, **ready(position=Q0 + 0.3))
-    with pytest.raises(InputError, match="C not sent"):
-        simulator.AdvanceTo(0.3)
-    assert panda.sent() == []
+    simulator.AdvanceTo(0.105)
+    panda.fix(simulator, position=Q0 + 1.0)
+    simulator.AdvanceTo(0.125)
 
+    def output(name: str) -> list[float]:
+        return panda.dut.GetOutputPort(name).Eval(simulator.get_context()).tolist()
 
-def test_started_sender_follows_a_lagging_robot(panda: Bench) -> None:
-    simulator = panda.start(**ready())
-    simulator.AdvanceTo(0.1)
-    panda.sent()
-    panda.fix(simulator, position=Q0 + 0.1)
-    simulator.AdvanceTo(0.2)
-    np.testing.assert_array_equal(lcmt_panda_command.decode(panda.sent()[-1]).joint_position, Q0 + 0.1)
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("name", ["position", "position_measured"])
-def test_non_finite_start_is_refused(panda: Bench, name: str, value: float) -> None:
-    position = Q0.copy()
-    position[6] = value
-    with pytest.raises(ValueError, match="is not finite"):
-        panda.start(**ready(**{name: position})).Initialize()
-    assert panda.sent() == []
-
-
-def test_nan_is_refused_under_way(panda: Bench) -> None:
-    simulator = panda.start(**ready())
-    simulator.AdvanceTo(0.1)
-    panda.sent()
-    panda.fix(simulator, position=np.full(7, np.nan))
-    with pytest.raises(ValueError, match="commanded position"):
-        simulator.AdvanceTo(0.2)
-    assert panda.sent() == []
+    assert output("gate_mode") == [GateMode.BRAKING]
+    assert output("following") == [0.0]
+    assert output("refusal") == [Refusal.VELOCITY, 1.0]
+    assert output("num_refusals") == [1.0]
+    np.testing.assert_array_equal(output("command"), Q0)
 
 
 def test_gripper_command(gripper: Bench) -> None:
-    gripper.start(position=0.035, status_age=0.1).AdvanceTo(0.25)
+    gripper.start(position=0.035, status_age=0.1, following=1.0).AdvanceTo(0.25)
     sent = gripper.sent()
     assert len(sent) == 3
     command = lcmt_schunk_wsg_command.decode(sent[0])
@@ -167,13 +141,15 @@ def test_gripper_command(gripper: Bench) -> None:
     assert command.force == 20.0
 
 
-@pytest.mark.parametrize("status_age", [np.inf, 0.51, np.nan])
-def test_gripper_sends_nothing_unless_fresh(gripper: Bench, status_age: float) -> None:
-    gripper.start(position=0.035, status_age=status_age).AdvanceTo(0.25)
+@pytest.mark.parametrize(("status_age", "following"), [(np.inf, 1.0), (0.51, 1.0), (np.nan, 1.0), (0.1, 0.0)])
+def test_gripper_sends_nothing_unless_fresh_and_the_arm_follows(
+    gripper: Bench, status_age: float, following: float
+) -> None:
+    gripper.start(position=0.035, status_age=status_age, following=following).AdvanceTo(0.25)
     assert gripper.sent() == []
 
 
 def test_gripper_refuses_nan(gripper: Bench) -> None:
-    with pytest.raises(ValueError, match="commanded width nan is not finite"):
-        gripper.start(position=np.nan, status_age=0.1).Initialize()
+    with pytest.raises(ValueError, match="the commanded width is nan"):
+        gripper.start(position=np.nan, status_age=0.1, following=1.0).Initialize()
     assert gripper.sent() == []
