@@ -42,7 +42,7 @@ def run(seconds: float) -> tuple[float, float, int, int]:
     context = simulator.get_mutable_context()
     assembly.set_episode(context, assembly.people.sample(scenario, np.random.default_rng(0)))
 
-    loop = LcmLoop(simulator, lcm, station.status.inbox, clock=peer.elapsed, poll_timeout=0.0)
+    loop = LcmLoop(simulator, lcm, station, clock=peer.elapsed, poll_timeout=0.0)
     peer.step(0.0)  # the first status
     loop.initialize(timeout=0.0)
     assembly.GetInputPort("ack").FixValue(context, 1.0)  # the operator's leave; nothing is sent without it

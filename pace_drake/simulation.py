@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from enum import Enum
-from math import inf
+from math import ceil, floor, inf
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -20,6 +20,9 @@ class Stop(Enum):
     FINISHED = "finished"
     BOUNDARY = "boundary"
 
+
+#: A share of a period: an event at a multiple must not be missed by rounding.
+_ROUNDING = 1e-6
 
 #: Called as ``listener(simulation, before)`` right before (True) and right after (False) the updates of an event.
 Listener = Callable[["Simulation", bool], None]
@@ -39,18 +42,23 @@ class Simulation:
     A safety monitor may lead a motion to another pace, so that it ends at another time than was foretold, and its stop
     is an event: an advance ends within a step of that, and what happens next is foretold anew.
 
+    On hardware anything may happen at any time: there ``keep_up`` follows the clock and reacts at every multiple of a
+    period. With the same period, ``advance`` sees an event at the next multiple, so that both react at the same times.
+
     Args:
         assembly: built with ``reaction_period=None``.
         listeners: observers, such as an event log; they must not change the context.
+        period: [s] at whose multiples events are seen; None: at their exact times.
 
     Raises:
         ValueError: the assembly reacts periodically; any Simulator advances it.
     """
 
-    def __init__(self, assembly: Assembly, listeners: tuple[Listener, ...] = ()) -> None:
+    def __init__(self, assembly: Assembly, listeners: tuple[Listener, ...] = (), period: float | None = None) -> None:
         if assembly.reaction_period is not None:
             raise ValueError("Simulation needs an assembly built with reaction_period=None; use Drake's Simulator")
         self.assembly = assembly
+        self.period = period
         self.simulator = Simulator(assembly)
         self.context: Context = self.simulator.get_mutable_context()
         self.listeners = listeners
@@ -107,15 +115,16 @@ class Simulation:
         """Draws where the components lie."""
         return sample_layout(self.assembly.scenario.workcell, rng)
 
-    def reset(self, episode: Episode, layout: Layout | None = None) -> None:
-        """Starts an episode at time 0; of the one before, only inputs fixed from outside (stop, ack) are left.
+    def reset(self, episode: Episode, layout: Layout | None = None, time: float = 0.0) -> None:
+        """Starts an episode; of the one before, only inputs fixed from outside (stop, ack) are left.
 
         Args:
             episode: what was drawn of people and durations.
             layout: where the components lie; only with a plant, and there the middle of their zones by default.
+            time: [s] at which it starts.
         """
         self.assembly.SetDefaultContext(self.context)
-        self.context.SetTime(0.0)
+        self.context.SetTime(time)
         self.assembly.set_episode(self.context, episode)
         if layout is not None:
             self.assembly.set_layout(self.context, layout)
@@ -152,7 +161,7 @@ class Simulation:
             if not self._at_event:
                 if self.finished:
                     return Stop.FINISHED
-                time = self.next_event_time()
+                time = self._seen_at(self.next_event_time())
                 target = min(time, boundary)
                 if target == inf:
                     raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
@@ -170,6 +179,27 @@ class Simulation:
                 self._asked = True
                 return Stop.DECISION
             self._react()
+
+    def keep_up(self, time: float, begin: Callable[[], None] = lambda: None) -> None:
+        """Advances to ``time`` [s], and reacts at every multiple of the period on the way.
+
+        Args:
+            time: not before the present.
+            begin: called right before each of these reactions; it may change the context.
+        """
+        assert self.period is not None, "a Simulation that keeps up needs a period"
+        self.simulator.clear_monitor()
+        while (tick := (floor(self.time / self.period + _ROUNDING) + 1) * self.period) <= time:
+            self.simulator.AdvanceTo(tick)
+            begin()
+            self._react()
+        self.simulator.AdvanceTo(time)
+
+    def _seen_at(self, time: float) -> float:
+        """[s] at which an event of ``time`` [s] is seen."""
+        if self.period is None or time == inf:
+            return time
+        return ceil(time / self.period - _ROUNDING) * self.period
 
     def run(
         self,

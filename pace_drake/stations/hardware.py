@@ -48,6 +48,7 @@ class HardwareStation(Diagram):
         stop, fault, trouble (1 each): see ``Watchdog``.
 
     Attributes:
+        command_period: [s] between two commands.
         status: its PandaStatusReceiver.
         sender: its PandaCommandSender.
         watchdog: its Watchdog.
@@ -72,11 +73,12 @@ class HardwareStation(Diagram):
     ) -> None:
         super().__init__()
         config.validate()
+        self.command_period = 1.0 / config.command_rate
         link = lcm if isinstance(lcm, LcmLink) else LcmLink(lcm)
         builder = DiagramBuilder()
         gate = CommandGate(
             limits=JOINT_LIMITS[config.robot],
-            period=1.0 / config.command_rate,
+            period=self.command_period,
             margin=config.limit_margin,
             tolerance=config.start_tolerance,
             join_speed=config.join_speed,
@@ -152,13 +154,20 @@ class HardwareStation(Diagram):
         return self.watchdog.describe(self.watchdog.GetMyContextFromRoot(context), self.status.inbox)
 
 
-class LcmLoop:
-    """Advances a simulator in lock-step with the driver: once for every status message.
+#: How much of its distance from the middle between two ticks a status shifts the loop's clock.
+_LOCK_GAIN = 0.02
+#: [s] beyond a tick, so that its updates are done in the advance that leads there and not in the next.
+_PAST_TICK = 1e-6
 
-    Context time is the time of `clock` since `initialize`, on top of the context's initial time. It is not the status's
-    ``utime``: that stops when the robot stops talking, which is when watchdogs must run on, and the clock of the
-    driver's machine may step. A message is taken in at the context time where the last advance ended, so its age is
-    over-, never underestimated, by at most one advance.
+
+class LcmLoop:
+    """Advances a simulator in lock-step with the driver: every status finds its command tick.
+
+    Context time is the time of ``clock`` since ``initialize``, on top of the context's initial time. It is not the
+    status's ``utime``: that stops when the robot stops talking, which is when watchdogs must run on, and the clock of
+    the driver's machine may step. It advances from one command tick to the next, and what comes from the driver is
+    taken in before: at the nearest tick, to which the clock is slowly shifted, so that as many come before as after.
+    So a command is sent a moment after the status on which it builds, and not up to a period later.
 
     Time that this process loses (it was not scheduled, or something took long) is left out: the paths wait for the
     process, since to catch up would be to command more than was planned. What was left out is told to the diagram's
@@ -174,9 +183,10 @@ class LcmLoop:
         self,
         simulator: Simulator,
         lcm: Lcm,
-        status: Inbox,
+        station: HardwareStation,
         *,
         clock: Callable[[], float] = time.monotonic,
+        advance: Callable[[float], object] | None = None,
         poll_timeout: float = 0.01,
         max_advance: float = 0.02,
     ) -> None:
@@ -185,14 +195,17 @@ class LcmLoop:
         Args:
             simulator: of a diagram that holds the station.
             lcm: the LCM of the station.
-            status: where the arm's status arrives: ``station.status.inbox``.
+            station: whose status sets the pace.
             clock: steady clock [s] that gives the context time.
+            advance: advances the simulator to a time [s]; None: its AdvanceTo.
             poll_timeout: how long `step` waits for a message [s, whole ms]; 0 where a peer in this process is called
                 in between, since on ``memq://`` nothing can arrive during the wait.
             max_advance: how much time may pass between two steps [s] without any being left out; more than
                 `poll_timeout`.
         """
-        self._simulator, self._lcm, self._status, self._clock = simulator, lcm, status, clock
+        self._simulator, self._lcm, self._clock = simulator, lcm, clock
+        self._status, self._period = station.status.inbox, station.command_period
+        self._advance = advance or simulator.AdvanceTo
         self._poll_milliseconds = round(1e3 * poll_timeout)
         self._max_advance = max_advance
         self._time_offset = math.nan  # [s] context time minus clock time
@@ -225,7 +238,7 @@ class LcmLoop:
         self._time_offset = self._simulator.get_context().get_time() - self._clock()
 
     def step(self) -> int:
-        """Waits for messages (at most `poll_timeout`), hands them over and advances the diagram to now.
+        """Waits for messages (at most `poll_timeout`), takes them in and advances the diagram to now.
 
         It advances without messages as well, so that the diagram sees that the robot has fallen silent.
 
@@ -239,14 +252,20 @@ class LcmLoop:
             raise RuntimeError("LcmLoop.step needs LcmLoop.initialize first")
         num_status = self._status.num_good
         self._lcm.HandleSubscriptions(self._poll_milliseconds)
+        num_status = self._status.num_good - num_status
         context = self._simulator.get_mutable_context()
-        passed = self._clock() + self._time_offset - context.get_time()
-        if passed > self._max_advance:
-            self._time_offset -= passed - self._max_advance
-            self.stalled += passed - self._max_advance
+        now = self._clock() + self._time_offset
+        late = now - context.get_time() - self._max_advance
+        if late > 0:
+            self._time_offset -= late
+            self.stalled += late
             if self._stalled_port is not None:
                 self._stalled_port.FixValue(context, self.stalled)
-            passed = self._max_advance
+            now -= late
+        tick = round(now / self._period) * self._period
+        if num_status:
+            self._time_offset -= _LOCK_GAIN * (now - tick)
         # A clock that steps back (it should not) stops the diagram for a while; it cannot run backwards.
-        self._simulator.AdvanceTo(context.get_time() + max(passed, 0.0))
-        return self._status.num_good - num_status
+        if tick + _PAST_TICK > context.get_time():
+            self._advance(tick + _PAST_TICK)
+        return num_status

@@ -92,8 +92,8 @@ class Human(LeafSystem):
         declare_update(self, self._update, reaction_period)
 
     def set_episode(self, context: Context, episode: Episode) -> None:
-        """Puts the drawn durations and demonstrations into the context; the person starts at time 0."""
-        context.SetDiscreteState(np.concatenate([[0.0, 0.0], episode.human, episode.demonstration]))
+        """Puts the drawn durations and demonstrations into the context; the person starts at its time."""
+        context.SetDiscreteState(np.concatenate([[0.0, context.get_time()], episode.human, episode.demonstration]))
 
     def progress(self, context: Context) -> float:
         """True share in [0, 1] of the current action's time that has passed; 1 while waiting. For evaluation only."""
