@@ -189,6 +189,8 @@ class Simulation:
         """
         assert self.period is not None, "a Simulation that keeps up needs a period"
         self.simulator.clear_monitor()
+        if self._at_event:
+            self._react()
         while (tick := (floor(self.time / self.period + _ROUNDING) + 1) * self.period) <= time:
             self.simulator.AdvanceTo(tick)
             begin()

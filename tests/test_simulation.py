@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pace_drake.diagram import Assembly
+from pace_drake.evaluate.event_log import EventRecorder
 from pace_drake.people import People
 from pace_drake.policies.factory import make_policy
 from pace_drake.scenario import Scenario
@@ -265,3 +266,47 @@ def test_a_periodic_assembly_runs_in_any_simulator_and_agrees_to_its_period(chai
 def test_event_driven_and_periodic_assemblies_are_not_mixed_up(chair, chair_people):
     with pytest.raises(ValueError, match="reaction_period=None"):
         Simulation(Assembly(chair, people=chair_people, reaction_period=0.01))
+
+
+def recorded(simulation, drive, episode, time=0.0):
+    """Rows of an episode whose course ``drive(simulation)`` leads."""
+    rows = []
+    simulation.listeners = (EventRecorder(lambda time, kind, **values: rows.append((time, kind, values))),)
+    simulation.reset(episode, time=time)
+    drive(simulation)
+    return rows
+
+
+def test_what_keeps_up_with_a_clock_reacts_when_what_foretells_does(chair, chair_people):
+    """To the bit, though one reacts a hundred times a second and the other at events only."""
+    simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people), period=0.01)
+    episode = simulation.sample_episode(np.random.default_rng(3))
+
+    def follow_the_clock(simulation):
+        rng = np.random.default_rng(0)
+        while not simulation.finished:
+            simulation.keep_up(simulation.time + rng.uniform(0.001, 0.03))
+
+    foretold = recorded(simulation, lambda simulation: simulation.run(), episode, time=4.7)
+    followed = recorded(simulation, follow_the_clock, episode, time=4.7)
+    assert len(foretold) > 40
+    assert foretold == followed
+    reactions = np.array([time for time, kind, _ in foretold if kind == "reaction"])
+    np.testing.assert_allclose(reactions, np.round(reactions, 2), atol=1e-9)
+    assert reactions[0] == pytest.approx(4.7)
+
+
+def test_an_event_is_seen_at_the_next_multiple_and_not_before(chair, chair_people):
+    simulation = Simulation(Assembly(chair, make_policy("explicit_query", chair), people=chair_people), period=0.5)
+    episode = simulation.sample_episode(np.random.default_rng(3))
+    rows = recorded(simulation, lambda simulation: simulation.run(), episode)
+    first = episode.robot[0, 0]
+    assert first % 0.5 != 0.0
+    reactions = [time for time, kind, values in rows if kind == "reaction" and values["name"] == "r_done"]
+    assert reactions[1] == pytest.approx(np.ceil(first / 0.5) * 0.5)
+    np.testing.assert_allclose(np.mod(reactions, 0.5), 0.0, atol=1e-9)
+
+
+def test_keeping_up_needs_a_period(chair_simulation):
+    with pytest.raises(AssertionError, match="needs a period"):
+        chair_simulation.keep_up(1.0)

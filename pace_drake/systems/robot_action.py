@@ -202,7 +202,10 @@ class RobotAction(LeafSystem):
 
     def set_episode(self, context: Context, episode: Episode) -> None:
         """Puts the drawn durations into the context; no command has been taken yet."""
-        joint = episode.human[[j - 1 for j in self._alpha]]
+        self.set_durations(context, episode, episode.human[[j - 1 for j in self._alpha]])
+
+    def set_durations(self, context: Context, episode: Episode, joint: np.ndarray) -> None:
+        """As ``set_episode``, but the robot takes (L) [s] of its own in the joint actions."""
         context.SetDiscreteState(
             np.concatenate(
                 [np.zeros(_RELEASED), [-1.0], episode.robot.ravel(), episode.preparation, joint, episode.homing]
