@@ -1,4 +1,4 @@
-"""Where the robot's LCM channels are, how often they are written, and what counts as fresh."""
+"""Where the LCM channels are, how often the robot's are written, and what counts as fresh."""
 
 import dataclasses as dc
 import math
@@ -8,9 +8,9 @@ from pace_drake.errors import InputError
 
 @dc.dataclass
 class LcmConfig:
-    """LCM settings of the hardware station; readable by ``pydrake.common.yaml.yaml_load_typed``.
+    """LCM settings of the hardware station and the person; readable by ``pydrake.common.yaml.yaml_load_typed``.
 
-    The defaults are the contract of the TRI driver ``drake-franka-driver``, with LCM off.
+    The defaults are the contract of the TRI driver ``drake-franka-driver``, with LCM off (docs/lcm.md).
     """
 
     url: str = "memq://null"  # LCM URL; memq://null: no message leaves this process
@@ -18,6 +18,9 @@ class LcmConfig:
     panda_command_channel: str = "PANDA_COMMAND"  # lcmt_panda_command, to the driver
     hand_status_channel: str = "PANDA_HAND_STATUS"  # lcmt_schunk_wsg_status, from the driver
     hand_command_channel: str = "PANDA_HAND_COMMAND"  # lcmt_schunk_wsg_command, to the driver
+    person_hand_channel: str = "PACE_HAND"  # lcmt_pace_hand, from the tracker of the person's hand
+    operator_channel: str = "PACE_OPERATOR"  # lcmt_pace_operator, from the buttons of the person and the operator
+    decision_channel: str = "PACE_DECISION"  # lcmt_pace_decision, from this project
     command_rate: float = 200.0  # [Hz] below 200 the step-hold of the driver shows as tracking error
     hand_command_rate: float = 10.0  # [Hz] rate of the hand driver's loop
     status_timeout: float = 0.05  # [s] no arm command is sent on an older status
