@@ -1,7 +1,7 @@
 """ActionMonitor: which action the person is in, without being told the truth."""
 
 from collections.abc import Sequence
-from math import floor
+from math import floor, isfinite
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
@@ -19,7 +19,7 @@ class ActionMonitor(LeafSystem):
     person only: the person goes on as they are.
 
     Inputs:
-        p_WH (3) [m]: the hand.
+        p_WH (3) [m]: the hand; a sample that is not a number, as before a tracker's first, is left out.
         joints_done (1): number of joint actions finished.
         button (1): how often the button was pressed; unconnected, it never was.
 
@@ -95,8 +95,9 @@ class ActionMonitor(LeafSystem):
         else:
             ended = presses > x[3]
             if detector is not None and due:
-                state = x[4 : 4 + detector.num_states]
-                detector.step(state, self._p_WH.Eval(context))
+                state, p_WH = x[4 : 4 + detector.num_states], self._p_WH.Eval(context)
+                if isfinite(p_WH.sum()):
+                    detector.step(state, p_WH)
                 ended = ended or detector.ended_at(state)
         x[3] = presses
         if ended and action < self._n:
