@@ -331,7 +331,7 @@ class Assembly(Diagram):
         """Wires what publishes the decisions, which may be answered from outside."""
         connect(self.observation, "observation", publisher, "observation")
         connect(self.phase_estimator, "phase", publisher, "phase")
-        for name in ("decision_pending", "decision_index", "joint_action", "trace"):
+        for name in ("mode", "decision_pending", "decision_index", "joint_action", "trace"):
             connect(self.task_statechart, name, publisher, name)
         if self.decision is None:
             builder.ConnectInput("assist", publisher.GetInputPort("assist"))

@@ -27,7 +27,7 @@ class DecisionPublisher(LeafSystem):
     Inputs:
         observation (D): of the policy's observation set; phase (1).
         assist (1): the answer; unconnected, there is none.
-        decision_pending (1), decision_index (1), joint_action (1), trace: of the TaskStatechart.
+        mode (1), decision_pending (1), decision_index (1), joint_action (1), trace: of the TaskStatechart.
 
     State:
         [time [s] or NaN if no decision is asked for, assist, phase, observation (D)].
@@ -60,6 +60,7 @@ class DecisionPublisher(LeafSystem):
         self._observation = declare_input(self, "observation", observation_size)
         self._phase = declare_input(self, "phase")
         self._assist = declare_input(self, "assist")
+        self._mode = declare_input(self, "mode")
         self._pending = declare_input(self, "decision_pending")
         self._index = declare_input(self, "decision_index")
         self._joint_action = declare_input(self, "joint_action")
@@ -69,9 +70,13 @@ class DecisionPublisher(LeafSystem):
         self.DeclarePeriodicPublishEvent(reaction_period, 0.0, self._publish)
         self.DeclarePeriodicDiscreteUpdateEvent(reaction_period, 0.0, self._update)
 
+    def _asks(self, leaf: str) -> bool:
+        return self._chart.states[leaf].decision is not None
+
     def _update(self, context: Context, values: DiscreteValues) -> None:
         x: Any = values.get_mutable_value(0)
-        if not self._pending.Eval(context)[0]:
+        # When its time is up, a decision that was asked for is not pending any more.
+        if not (self._pending.Eval(context)[0] or self._asks(self._chart.leaves[int(self._mode.Eval(context)[0])])):
             x[_TIME] = nan
             return
         assist = self._assist.Eval(context)[0] if self._assist.HasValue(context) else nan
@@ -85,7 +90,7 @@ class DecisionPublisher(LeafSystem):
         if np.isnan(x[_TIME]):
             return
         for reaction in read_trace(self._chart, self._trace.Eval(context)):
-            if reaction.time == x[_TIME] and self._chart.states[reaction.source].decision is not None:
+            if self._asks(reaction.source):
                 self._lcm.Publish(self._channel, self._message(context, x, reaction).encode())
 
     def _message(self, context: Context, x: np.ndarray, reaction: Reaction) -> lcmt_pace_decision:
