@@ -27,6 +27,7 @@ from pace_drake.systems.observed_person import ObservedPerson
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.systems.robot_action import Motions, RobotAction
+from pace_drake.systems.state_publisher import StatePublisher
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
 
@@ -74,7 +75,7 @@ class Assembly(Diagram):
         locator: finds the components with cameras; None where ``scenario.perception`` is not ``cameras``.
         safety_monitor: keeps the arm away from the hand; None without a station, or where the scenario switches it off.
         decision: the policy's system; None if the decision is an exported input.
-        decision_publisher: publishes the decisions; None without ``lcm``.
+        decision_publisher, state_publisher: publish the decisions and the state; None without ``lcm``.
         station: the plant or the hardware; None at the task level.
         plant_log: by the name of an output, Drake's VectorLogSink of it; empty if nothing is ``logged``.
         reaction_period: [s] or None; see below.
@@ -94,7 +95,7 @@ class Assembly(Diagram):
             the logic updates periodically, for any Simulator and for hardware.
         person: a real person, such as a ``TrackedPerson``, or None for the simulated one. It puts out p_WH and may
             put out hand_age, button, stop and ack. The scenario's people are then those whom the estimators know.
-        lcm: where each decision is published, on ``scenario.lcm.decision_channel``; None: nowhere.
+        lcm: where each decision and the state are published, on channels of ``scenario.lcm``; None: nowhere.
 
     Raises:
         InputError: the chart or the people of the scenario cannot be used, or the station has not the cameras that
@@ -276,13 +277,23 @@ class Assembly(Diagram):
             connect(hand, "p_WH", self.safety_monitor, "p_WH")
             self._add_safety(builder, self.safety_monitor, connect, enter)
         self.decision_publisher: DecisionPublisher | None = None
+        self.state_publisher: StatePublisher | None = None
         if lcm is not None and reaction_period is not None:
+            channels, chart = scenario.lcm, compiled.chart
             self.decision_publisher = add(
-                DecisionPublisher(
-                    lcm, compiled.chart, OBSERVATION_SETS[seen], reaction_period, scenario.lcm.decision_channel
-                )
+                DecisionPublisher(lcm, chart, OBSERVATION_SETS[seen], reaction_period, channels.decision_channel)
             )
-            self._watch_decisions(builder, self.decision_publisher, connect)
+            self.state_publisher = add(StatePublisher(lcm, chart.leaves, channels.state_channel))
+            sources = (self.task_statechart, known, self.human, self.phase_estimator, self.observation, self.decision)
+            for publisher in (self.decision_publisher, self.state_publisher):
+                for k in range(publisher.num_input_ports()):
+                    shown = publisher.get_input_port(k)
+                    name = shown.get_name()
+                    teller = next((one for one in sources if one is not None and one.HasOutputPort(name)), None)
+                    if teller is None:  # the answer from outside
+                        builder.ConnectInput(name, shown)
+                    else:
+                        builder.Connect(teller.GetOutputPort(name), shown)
         if station is not None:
             builder.AddSystem(station)
             connect(self.robot_action, "position", station, "panda.position")
@@ -321,22 +332,6 @@ class Assembly(Diagram):
                 builder.ExportOutput(source.GetOutputPort(name), name)
         builder.BuildInto(self)
         self.set_name("assembly")
-
-    def _watch_decisions(
-        self,
-        builder: DiagramBuilder,
-        publisher: DecisionPublisher,
-        connect: Callable[[System, str, System, str], None],
-    ) -> None:
-        """Wires what publishes the decisions, which may be answered from outside."""
-        connect(self.observation, "observation", publisher, "observation")
-        connect(self.phase_estimator, "phase", publisher, "phase")
-        for name in ("mode", "decision_pending", "decision_index", "joint_action", "trace"):
-            connect(self.task_statechart, name, publisher, name)
-        if self.decision is None:
-            builder.ConnectInput("assist", publisher.GetInputPort("assist"))
-        else:
-            connect(self.decision, "assist", publisher, "assist")
 
     def _locate_components(self, builder: DiagramBuilder, station: Diagram, scenario: Scenario) -> None:
         """Where the components are: as the cameras see them, or true where the station knows, or nominal."""

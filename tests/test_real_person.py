@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 
 from pace_drake.diagram import Assembly
 from pace_drake.errors import InputError
-from pace_drake.lcm.types import lcmt_pace_decision, lcmt_pace_operator
+from pace_drake.lcm.types import lcmt_pace_decision, lcmt_pace_operator, lcmt_pace_state
 from pace_drake.policies.factory import make_policy
 from pace_drake.systems.human import Human
 from pace_drake.systems.observed_person import ObservedPerson
@@ -34,7 +34,7 @@ class Collaboration:
         self.lcm = DrakeLcm("memq://")
         self.assembly = Assembly(
             self.scenario,
-            make_policy(policy, self.scenario),
+            None if policy is None else make_policy(policy, self.scenario),
             reaction_period=PERIOD,
             person=TrackedPerson(self.scenario.lcm, self.lcm),
             lcm=self.lcm,
@@ -42,6 +42,8 @@ class Collaboration:
         )
         self.published = []
         self.lcm.Subscribe("PACE_DECISION", lambda data: self.published.append(lcmt_pace_decision.decode(data)))
+        self.states = []
+        self.lcm.Subscribe("PACE_STATE", lambda data: self.states.append(lcmt_pace_state.decode(data)))
         self.simulator = Simulator(self.assembly)
         self.context = self.simulator.get_mutable_context()
         episode = self.assembly.people.sample(self.scenario, np.random.default_rng(1))
@@ -139,6 +141,37 @@ def test_a_collaboration_comes_to_its_end_and_its_decisions_are_published():
     # All that the person did by themselves was over when they said so, and they waited as the meter says.
     assert (dut.output("human_idle") >= 0).all()
     assert dut.output("human_idle").sum() + dut.output("robot_idle").sum() > 0
+
+
+def test_the_state_is_published():
+    dut = Collaboration("phase_threshold")
+    dut.run()
+    dut.lcm.HandleSubscriptions(0)
+    np.testing.assert_allclose([state.time for state in dut.states], 0.05 * np.arange(len(dut.states)), atol=1e-9)
+    assert dut.time - dut.states[-1].time <= 0.05 + 1e-9
+    leaves = {state.leaf for state in dut.states}
+    assert leaves - {"WAIT"} == {"READY", "ROBOT_TASK", "PREP", "JOINT", "HOMING", "DONE"}
+    assert {state.human_action for state in dut.states} == set(range(1, 7))
+    assert all((state.joint_ready > 0) == (state.leaf == "JOINT") for state in dut.states)
+    assert all((state.robot_waiting > 0) == (state.leaf == "WAIT") for state in dut.states)
+    assert {state.joint_ready for state in dut.states} == {0, 1, 2, 3}
+    # Nobody waits for a robot that is there.
+    assert not any(state.human_waiting and state.joint_ready for state in dut.states)
+    assert any(state.human_waiting for state in dut.states)
+    assert all(state.phase == 1.0 for state in dut.states if state.joint_ready)
+
+
+def test_a_decision_may_be_answered_from_outside():
+    dut = Collaboration(None, "decision_timeout=0.5")
+    answer = dut.assembly.GetInputPort("assist")
+    answer.FixValue(dut.context, -1.0)
+    dut.run(until=lambda: dut.time > 0.2)
+    answer.FixValue(dut.context, 1.0)
+    dut.run(until=lambda: len(dut.decisions) == 1)
+    dut.step()
+    dut.lcm.HandleSubscriptions(0)
+    assert [told(message) for message in dut.published] == dut.decisions
+    assert [(message.assist, message.leaf) for message in dut.published] == [(1, "PREP")]
 
 
 def test_the_person_is_known_as_by_a_simulation_of_them():

@@ -21,6 +21,7 @@ class LcmConfig:
     person_hand_channel: str = "PACE_HAND"  # lcmt_pace_hand, from the tracker of the person's hand
     operator_channel: str = "PACE_OPERATOR"  # lcmt_pace_operator, from the buttons of the person and the operator
     decision_channel: str = "PACE_DECISION"  # lcmt_pace_decision, from this project
+    state_channel: str = "PACE_STATE"  # lcmt_pace_state, from this project
     command_rate: float = 200.0  # [Hz] below 200 the step-hold of the driver shows as tracking error
     hand_command_rate: float = 10.0  # [Hz] rate of the hand driver's loop
     status_timeout: float = 0.05  # [s] no arm command is sent on an older status

@@ -16,7 +16,7 @@ def test_generated_code_is_that_of_the_lcm_files(tmp_path):
     pytest.importorskip("lcm", reason="the optional Python package lcm is not installed")
     generator = Path(sys.executable).with_name("lcm-gen")
     sources = sorted(TYPES.glob("*.lcm"))
-    assert len(sources) == 3
+    assert len(sources) == 4
     arguments = ["-p", "--python-no-init", "--ppath", str(tmp_path), *map(str, sources)]
     subprocess.run([generator, *arguments], check=True, capture_output=True, timeout=60)
     made = {path.name: path.read_text() for path in (tmp_path / "pace_drake" / "lcm" / "types").iterdir()}
