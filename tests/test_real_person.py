@@ -96,8 +96,8 @@ class Collaboration:
         self.simulator.AdvanceTo(self.step_number * PERIOD)
         chart = self.assembly.task_statechart
         for reaction in chart.reactions(chart.GetMyContextFromRoot(self.context)):
-            if reaction.source == "DECIDE":
-                answer = {"d_no": 0, "d_yes": 1, "d_timeout": -1}[reaction.transition]
+            answer = {"d_no": 0, "d_yes": 1, "d_timeout": -1}.get(reaction.transition)
+            if answer is not None:
                 index, joint = int(self.of_chart("decision_index")), int(self.output("joint_action")[0])
                 self.decisions.append((time, index, answer, joint, reaction.transition, reaction.target, *seen))
         command = self.output("robot_action").astype(int).tolist()
@@ -172,6 +172,22 @@ def test_a_decision_may_be_answered_from_outside():
     dut.lcm.HandleSubscriptions(0)
     assert [told(message) for message in dut.published] == dut.decisions
     assert [(message.assist, message.leaf) for message in dut.published] == [(1, "PREP")]
+
+
+def test_a_stop_while_a_decision_is_asked_for_is_no_decision():
+    dut = Collaboration(None, "decision_timeout=10.0")
+    answer = dut.assembly.GetInputPort("assist")
+    answer.FixValue(dut.context, -1.0)
+    dut.run(until=lambda: dut.time > 0.2)
+    dut.press(STOP)
+    dut.run(until=lambda: dut.time > 0.5)
+    assert dut.output("robot_action")[0] == ActionKind.HOLD
+    dut.press(ACKNOWLEDGE)
+    dut.run(until=lambda: dut.time > 1.5)
+    answer.FixValue(dut.context, 0.0)
+    dut.run(until=lambda: dut.time > 2.0)
+    dut.lcm.HandleSubscriptions(0)
+    assert [message.transition for message in dut.published] == ["d_no"]
 
 
 def test_the_person_is_known_as_by_a_simulation_of_them():

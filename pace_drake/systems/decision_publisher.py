@@ -57,6 +57,10 @@ class DecisionPublisher(LeafSystem):
         super().__init__()
         self.set_name("decision_publisher")
         self._lcm, self._chart, self._channel, self._clock = lcm, chart, channel, clock
+        asking = {state.id for state in chart.states.values() if state.decision is not None}
+        self._asks = [leaf in asking for leaf in chart.leaves]
+        # A stop leaves the asking state, too, but answers nothing: it is a transition of a state around it.
+        self._answers = {transition.id for transition in chart.transitions if transition.source in asking}
         self._observation = declare_input(self, "observation", observation_size)
         self._phase = declare_input(self, "phase")
         self._assist = declare_input(self, "assist")
@@ -70,13 +74,10 @@ class DecisionPublisher(LeafSystem):
         self.DeclarePeriodicPublishEvent(reaction_period, 0.0, self._publish)
         self.DeclarePeriodicDiscreteUpdateEvent(reaction_period, 0.0, self._update)
 
-    def _asks(self, leaf: str) -> bool:
-        return self._chart.states[leaf].decision is not None
-
     def _update(self, context: Context, values: DiscreteValues) -> None:
         x: Any = values.get_mutable_value(0)
         # When its time is up, a decision that was asked for is not pending any more.
-        if not (self._pending.Eval(context)[0] or self._asks(self._chart.leaves[int(self._mode.Eval(context)[0])])):
+        if not (self._pending.Eval(context)[0] or self._asks[int(self._mode.Eval(context)[0])]):
             x[_TIME] = nan
             return
         assist = self._assist.Eval(context)[0] if self._assist.HasValue(context) else nan
@@ -90,7 +91,7 @@ class DecisionPublisher(LeafSystem):
         if np.isnan(x[_TIME]):
             return
         for reaction in read_trace(self._chart, self._trace.Eval(context)):
-            if self._asks(reaction.source):
+            if reaction.transition in self._answers:
                 self._lcm.Publish(self._channel, self._message(context, x, reaction).encode())
 
     def _message(self, context: Context, x: np.ndarray, reaction: Reaction) -> lcmt_pace_decision:
