@@ -4,10 +4,12 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort, LeafSystem, System
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, VectorLogSink
 
-from pace_drake.errors import InputError
+from pace_drake.errors import InputError, require
+from pace_drake.lcm.link import Lcm
+from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.people import People, load_people
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
@@ -17,12 +19,15 @@ from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
 from pace_drake.systems.action_monitor import ActionMonitor
 from pace_drake.systems.decision import Decision
+from pace_drake.systems.decision_publisher import DecisionPublisher
 from pace_drake.systems.human import Human
 from pace_drake.systems.idle_meter import IdleMeter
 from pace_drake.systems.observation import Observation
+from pace_drake.systems.observed_person import ObservedPerson
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.systems.robot_action import Motions, RobotAction
+from pace_drake.systems.state_publisher import StatePublisher
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
 
@@ -52,23 +57,27 @@ class Assembly(Diagram):
         button (1): how often the person has said "done"; only where an action monitor stands in for the truth; it may
             stay unconnected.
         hand_age (1) [s]: how old p_WH is; only with a safety monitor; it may stay unconnected.
+        Of these, a real person's Diagram takes the place of those that it puts out.
 
     Exported outputs:
         mode, robot_task, joint_action, robot_action, decision_pending, finished (task_statechart);
-        p_WH, human_action, human_elapsed, human_waiting (human: the truth); phase, phase_rate, remaining_time
-        (phase_estimator); observation;
+        p_WH, human_action, human_elapsed, human_waiting (human: the truth; of a real person, what is observed); phase,
+        phase_rate, remaining_time (phase_estimator); observation;
         robot_idle, human_idle, cost (idle_meter); those of the station; with cameras located_component_poses and
         located_component_ages (locator); with a safety monitor hand_distance, speed_scale, safety_stop (its ``stop``).
 
     Attributes:
         scenario: what it was built from.
         people: the demonstrations in it.
-        human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems.
+        human, phase_estimator, observation, task_statechart, robot_action, idle_meter: its systems. The human of a real
+            person is an ObservedPerson, whose ``progress`` nobody knows.
+        person: a real person's Diagram; None where a person is simulated.
         pace_monitor: the person's pace so far; None where the policy does not see it.
         action_monitor: what the robot knows of the person by observation; None where it is told.
         locator: finds the components with cameras; None where ``scenario.perception`` is not ``cameras``.
         safety_monitor: keeps the arm away from the hand; None without a station, or where the scenario switches it off.
         decision: the policy's system; None if the decision is an exported input.
+        decision_publisher, state_publisher: publish the decisions and the state; None without ``lcm``.
         station: the plant or the hardware; None at the task level.
         plant_log: by the name of an output, Drake's VectorLogSink of it; empty if nothing is ``logged``.
         reaction_period: [s] or None; see below.
@@ -85,11 +94,17 @@ class Assembly(Diagram):
             or ``FULL_LOG``; then the desired position is logged, too, and at every look of a safety monitor
             its hand_distance and speed_scale.
         reaction_period: None: events at exact times, advanced by ``pace_drake.simulation.Simulation``; a period [s]:
-            the logic updates periodically, for any Simulator and for hardware.
+            the logic updates periodically, for any Simulator.
+        person: a real person, such as a ``TrackedPerson``, or None for the simulated one. It puts out p_WH and may
+            put out hand_age, button, stop and ack. The scenario's people are then those whom the estimators know. What
+            is real foretells no event: ``Simulation.keep_up``, or a reaction period, lets it react at any time.
+        operator: puts out stop and ack, and may put out button, such as an ``OperatorReceiver``; None: they come from
+            the person, or from outside.
+        lcm: where each decision and the state are published, on channels of ``scenario.lcm``; None: nowhere.
 
     Raises:
         InputError: the chart or the people of the scenario cannot be used, or the station has not the cameras that
-            its perception needs.
+            its perception needs, or the robot is to be told what a real person does.
     """
 
     def __init__(
@@ -102,10 +117,18 @@ class Assembly(Diagram):
         people: People | None = None,
         logged: Sequence[str] = (),
         reaction_period: float | None = None,
+        person: Diagram | LeafSystem | None = None,
+        operator: LeafSystem | None = None,
+        lcm: Lcm | None = None,
     ) -> None:
         super().__init__()
         if (station is None) != (motions is None):
             raise InputError("a station needs planned motions, and motions need a station")
+        require(
+            person is None or scenario.human.monitor != "told",
+            "human.monitor",
+            "a real person does not tell the robot what they do, must be detector or button, is 'told'",
+        )
         task = scenario.task
         self.scenario = scenario
         self.people = people or load_people(scenario)
@@ -124,15 +147,23 @@ class Assembly(Diagram):
             return builder.AddSystem(system)
 
         period = scenario.human.sample_period
-        self.human: Human = add(
-            Human(
-                task,
-                self.people.demonstrations,
-                joint_paths(scenario.workcell, task.num_joint_actions),
-                period,
-                reaction_period,
+        self.person = person
+        self.human: Human | ObservedPerson
+        if person is None:
+            self.human = add(
+                Human(
+                    task,
+                    self.people.demonstrations,
+                    joint_paths(scenario.workcell, task.num_joint_actions),
+                    period,
+                    reaction_period,
+                )
             )
-        )
+        else:
+            add(person)
+            self.human = add(ObservedPerson(reaction_period))
+        if operator is not None:
+            add(operator)
         estimators = self.people.estimators(scenario)
         self.phase_estimator: PhaseEstimator = add(PhaseEstimator(estimators, period))
         seen = scenario.observation if policy is None else policy.observation
@@ -174,7 +205,16 @@ class Assembly(Diagram):
         self.decision: Decision | None = None
         self.station = station
         self.reaction_period = reaction_period
+        self.decision_publisher: DecisionPublisher | None = None
+        self.state_publisher: StatePublisher | None = None
+        if lcm is not None:
+            channels, chart = scenario.lcm, compiled.chart
+            self.decision_publisher = add(
+                DecisionPublisher(lcm, chart, OBSERVATION_SETS[seen], reaction_period, channels.decision_channel)
+            )
+            self.state_publisher = add(StatePublisher(lcm, chart.leaves, channels.state_channel))
         self.reactive: tuple[LeafSystem, ...] = (
+            *(() if self.decision_publisher is None else (self.decision_publisher,)),
             self.task_statechart,
             *(() if self.locator is None else (self.locator,)),
             self.robot_action,
@@ -183,19 +223,36 @@ class Assembly(Diagram):
             self.idle_meter,
         )
 
-        def connect(source: LeafSystem, output: str, target: LeafSystem, input: str) -> None:
+        def connect(source: System, output: str, target: System, input: str) -> None:
             if target.HasInputPort(input):
                 builder.Connect(source.GetOutputPort(output), target.GetInputPort(input))
 
+        entered: set[str] = set()
+
+        def enter(name: str, port: InputPort) -> None:
+            # What a real person and the operator beside them say, or else what comes from outside.
+            source = next((one for one in (person, operator) if one is not None and one.HasOutputPort(name)), None)
+            if source is not None:
+                builder.Connect(source.GetOutputPort(name), port)
+            elif name in entered:
+                builder.ConnectInput(name, port)
+            else:
+                builder.ExportInput(port, name)
+                entered.add(name)
+
+        # Where the hand is: the simulated person's, or tracked.
+        hand: System = self.human if person is None else person
         # What the robot knows of the person: told, or observed.
         known: LeafSystem = self.human
         if self.action_monitor is not None:
             known = self.action_monitor
-            connect(self.human, "p_WH", self.action_monitor, "p_WH")
+            connect(hand, "p_WH", self.action_monitor, "p_WH")
             connect(self.human, "joints_done", self.action_monitor, "joints_done")
-            builder.ExportInput(self.action_monitor.GetInputPort("button"), "button")
+            enter("button", self.action_monitor.GetInputPort("button"))
+        # What the person does: the truth, or, of a real one, what is observed.
+        true = self.human if person is None else known
         # The tracker's clock restarts with each true action; where that is not known the hand itself is sampled.
-        connect(self.human, "p_WH_sampled" if known is self.human else "p_WH", self.phase_estimator, "p_WH")
+        connect(hand, "p_WH_sampled" if known is hand else "p_WH", self.phase_estimator, "p_WH")
         connect(known, "human_action", self.phase_estimator, "human_action")
         connect(self.task_statechart, "robot_task", self.observation, "robot_task")
         connect(known, "human_action", self.observation, "human_action")
@@ -212,10 +269,14 @@ class Assembly(Diagram):
         connect(self.human, "joints_done", self.task_statechart, "nj")
         connect(self.task_statechart, "robot_action", self.robot_action, "robot_action")
         connect(self.task_statechart, "joint_ready", self.human, "joint_ready")
+        if person is not None:
+            connect(self.task_statechart, "robot_action", self.human, "robot_action")
+            connect(self.robot_action, "motion_done", self.human, "motion_done")
+            connect(known, "human_joint", self.human, "human_joint")
         for name, source in (
             ("robot_waiting", self.task_statechart),
             ("human_waiting", self.human),
-            ("human_joint", self.human),
+            ("human_joint", true),
         ):
             connect(source, name, self.idle_meter, name)
         if policy is not None:
@@ -224,16 +285,28 @@ class Assembly(Diagram):
             connect(self.decision, "assist", self.task_statechart, "assist")
         else:
             builder.ExportInput(self.task_statechart.GetInputPort("assist"), "assist")
+        sources = (self.task_statechart, known, self.human, self.phase_estimator, self.observation, self.decision)
+        for publisher in (self.decision_publisher, self.state_publisher):
+            if publisher is not None:
+                for k in range(publisher.num_input_ports()):
+                    shown = publisher.get_input_port(k)
+                    name = shown.get_name()
+                    teller = next((one for one in sources if one is not None and one.HasOutputPort(name)), None)
+                    if teller is None:  # the answer from outside
+                        builder.ConnectInput(name, shown)
+                    else:
+                        builder.Connect(teller.GetOutputPort(name), shown)
         if station is not None:
             builder.AddSystem(station)
         if self.safety_monitor is not None:
-            self._add_safety(builder, self.safety_monitor, connect)
-        self._add_operator(builder)
+            connect(hand, "p_WH", self.safety_monitor, "p_WH")
+            self._add_safety(builder, self.safety_monitor, connect, enter)
+        self._add_operator(builder, enter)
         if station is not None:
             connect(self.robot_action, "position", station, "panda.position")
             connect(self.robot_action, "gripper_position", station, "gripper.position")
-            connect(self.human, "p_WH", station, "p_WH")
-            connect(self.human, "p_WH", self.robot_action, "p_WH")
+            connect(hand, "p_WH", station, "p_WH")
+            connect(hand, "p_WH", self.robot_action, "p_WH")
             connect(station, "panda.position_measured", self.robot_action, "position_measured")
             self._locate_components(builder, station, scenario)
             if self.safety_monitor is not None:
@@ -255,7 +328,9 @@ class Assembly(Diagram):
                 self.task_statechart,
                 ("mode", "robot_task", "joint_action", "robot_action", "decision_pending", "finished"),
             ),
-            (self.human, ("p_WH", "human_action", "human_elapsed", "human_waiting")),
+            (hand, ("p_WH",)),
+            (true, ("human_action", "human_elapsed")),
+            (self.human, ("human_waiting",)),
             (self.phase_estimator, ("phase", "phase_rate", "remaining_time")),
             (self.observation, ("observation",)),
             (self.idle_meter, ("robot_idle", "human_idle", "cost")),
@@ -320,8 +395,8 @@ class Assembly(Diagram):
             assert cube is not None
             plant.refill(context, cube, sequence)
 
-    def _add_operator(self, builder: DiagramBuilder) -> None:
-        """Exports the operator's signals: stop and fault pass through whatever adds its own, the others go to all."""
+    def _add_operator(self, builder: DiagramBuilder, enter: Callable[[str, InputPort], None]) -> None:
+        """Lets the operator's signals in: stop and fault pass through whatever adds its own, the others go to all."""
         systems = (self.station, self.safety_monitor, self.task_statechart)
         for name in OPERATOR_INPUTS:
             first, *others = [system for system in systems if system is not None and system.HasInputPort(name)] or [
@@ -329,13 +404,13 @@ class Assembly(Diagram):
             ]
             if first is None:
                 continue
-            builder.ExportInput(first.GetInputPort(name), name)
+            enter(name, first.GetInputPort(name))
             for system in others:
                 if first.HasOutputPort(name):
                     builder.Connect(first.GetOutputPort(name), system.GetInputPort(name))
                     first = system
                 else:
-                    builder.ConnectInput(name, system.GetInputPort(name))
+                    enter(name, system.GetInputPort(name))
         if self.station is not None and self.station.HasInputPort("stalled"):
             builder.ExportInput(self.station.GetInputPort("stalled"), "stalled")
 
@@ -343,14 +418,14 @@ class Assembly(Diagram):
         self,
         builder: DiagramBuilder,
         monitor: "SafetyMonitor",
-        connect: Callable[[LeafSystem, str, LeafSystem, str], None],
+        connect: Callable[[System, str, System, str], None],
+        enter: Callable[[str, InputPort], None],
     ) -> None:
         """Wires the safety monitor."""
-        connect(self.human, "p_WH", monitor, "p_WH")
         for name in ("path_position", "path_velocity", "motion_progress"):
             connect(self.robot_action, name, monitor, name)
         connect(monitor, "speed_scale", self.robot_action, "speed_scale")
-        builder.ExportInput(monitor.GetInputPort("hand_age"), "hand_age")
+        enter("hand_age", monitor.GetInputPort("hand_age"))
         for source, target in (("hand_distance",) * 2, ("speed_scale",) * 2, ("stop", "safety_stop")):
             builder.ExportOutput(monitor.GetOutputPort(source), target)
 
@@ -358,6 +433,15 @@ class Assembly(Diagram):
         """Puts everything random of one episode into the diagram's context."""
         self.human.set_episode(self.human.GetMyMutableContextFromRoot(context), episode)
         self.robot_action.set_episode(self.robot_action.GetMyMutableContextFromRoot(context), episode)
+
+    def begin_episode(self, context: Context, episode: Episode) -> None:
+        """Starts an episode at the context's time, where the robot and those who watch it have long been at work."""
+        for system in (self.phase_estimator, self.pace_monitor, self.action_monitor, self.idle_meter):
+            if system is not None:
+                system.SetDefaultContext(system.GetMyMutableContextFromRoot(context))
+        if self.action_monitor is not None:
+            self.action_monitor.begin(self.action_monitor.GetMyMutableContextFromRoot(context))
+        self.set_episode(context, episode)
 
 
 def make_plant_assembly(

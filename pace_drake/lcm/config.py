@@ -1,4 +1,4 @@
-"""Where the robot's LCM channels are, how often they are written, and what counts as trouble."""
+"""Where the LCM channels are, how often the robot's are written, and what counts as trouble."""
 
 from dataclasses import dataclass, fields
 from math import isfinite
@@ -9,9 +9,9 @@ from pace_drake.safety.joint_limits import JOINT_LIMITS
 
 @dataclass
 class LcmConfig:
-    """LCM settings of the hardware station; readable by ``pydrake.common.yaml.yaml_load_typed``.
+    """LCM settings of the hardware station and the person; readable by ``pydrake.common.yaml.yaml_load_typed``.
 
-    The defaults are the contract of the TRI driver ``drake-franka-driver``, with LCM off.
+    The defaults are the contract of the TRI driver ``drake-franka-driver``, with LCM off (docs/lcm.md).
     """
 
     url: str = "memq://null"
@@ -26,6 +26,14 @@ class LcmConfig:
     """lcmt_schunk_wsg_status, from the driver."""
     hand_command_channel: str = "PANDA_HAND_COMMAND"
     """lcmt_schunk_wsg_command, to the driver."""
+    person_hand_channel: str = "PACE_HAND"
+    """lcmt_pace_hand, from the tracker of the person's hand."""
+    operator_channel: str = "PACE_OPERATOR"
+    """lcmt_pace_operator, from the buttons of the person and the operator."""
+    decision_channel: str = "PACE_DECISION"
+    """lcmt_pace_decision, from this project."""
+    state_channel: str = "PACE_STATE"
+    """lcmt_pace_state, from this project."""
     command_rate: float = 200.0
     """[Hz] below 200 the step-hold shows as tracking error; above 300 braking would exceed the jerk limits."""
     hand_command_rate: float = 10.0

@@ -1,7 +1,7 @@
 """ActionMonitor: which action the person is in, without being told the truth."""
 
 from collections.abc import Sequence
-from math import floor
+from math import floor, isfinite
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
@@ -19,7 +19,7 @@ class ActionMonitor(LeafSystem):
     person only: the person goes on as they are.
 
     Inputs:
-        p_WH (3) [m]: the hand.
+        p_WH (3) [m]: the hand; a sample that is not a number, as before a tracker's first, is left out.
         joints_done (1): number of joint actions finished.
         button (1): how often the button was pressed; unconnected, it never was.
 
@@ -77,6 +77,13 @@ class ActionMonitor(LeafSystem):
             x[4 : 4 + detector.num_states] = detector.initial_state()
         return x
 
+    def begin(self, context: Context) -> None:
+        """Lets the first action begin at the context's time; what was pressed before does not count."""
+        time = context.get_time()
+        presses = self._button.Eval(context)[0] if self._button.HasValue(context) else 0.0
+        size = self._x(context).size - 4
+        context.SetDiscreteState(self._begun(1, time, time, presses, size))
+
     @staticmethod
     def _x(context: Context) -> np.ndarray:
         return context.get_discrete_state_vector().value()
@@ -95,8 +102,9 @@ class ActionMonitor(LeafSystem):
         else:
             ended = presses > x[3]
             if detector is not None and due:
-                state = x[4 : 4 + detector.num_states]
-                detector.step(state, self._p_WH.Eval(context))
+                state, p_WH = x[4 : 4 + detector.num_states], self._p_WH.Eval(context)
+                if isfinite(p_WH.sum()):
+                    detector.step(state, p_WH)
                 ended = ended or detector.ended_at(state)
         x[3] = presses
         if ended and action < self._n:

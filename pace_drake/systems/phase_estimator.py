@@ -1,6 +1,7 @@
 """PhaseEstimator: how far the current human action has come, from the hand's motion."""
 
 from collections.abc import Sequence
+from math import isfinite
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
@@ -16,7 +17,7 @@ class PhaseEstimator(LeafSystem):
     """A streaming phase estimator (Algorithm 1): one step per hand sample, of the current action only.
 
     Inputs:
-        p_WH (3) [m]: hand samples.
+        p_WH (3) [m]: hand samples; one that is not a number, as before a tracker's first, is left out.
         human_action (1): j [1-based].
 
     Outputs:
@@ -84,5 +85,7 @@ class PhaseEstimator(LeafSystem):
             of_action = state[1 : self._ends[action - 1]]
             if int(state[0]) != action:
                 of_action[:] = estimator.initial_state()
-            estimator.step(of_action, self._p_WH.Eval(context))
+            p_WH = self._p_WH.Eval(context)
+            if isfinite(p_WH.sum()):
+                estimator.step(of_action, p_WH)
         state[0] = action

@@ -16,7 +16,7 @@ from pace_drake.statechart.compile import MAX_CHAIN
 _OWN_OUTPUTS = ("mode", "finished", "decision_pending", "next_event_time", "trace")
 #: Places in the trace: time [s] and leaf before the update, transitions taken, leaves in which they ended.
 _TIME, _BEFORE, _FIRED, _AFTER = 0, 1, slice(2, 2 + MAX_CHAIN), slice(2 + MAX_CHAIN, 2 + 2 * MAX_CHAIN)
-_TRACE_SIZE = 2 + 2 * MAX_CHAIN
+TRACE_SIZE = 2 + 2 * MAX_CHAIN
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class StatechartSystem(LeafSystem):
         self._compiled = compiled
         x = compiled.initial_state() if initial_state is None else initial_state
         self._num_x = len(x)
-        trace = np.full(_TRACE_SIZE, -1.0)
+        trace = np.full(TRACE_SIZE, -1.0)
         trace[_TIME], trace[_BEFORE] = 0.0, x[0]
         self.DeclareDiscreteState(np.concatenate([x, trace]))
         self._p = self.DeclareNumericParameter(BasicVector(compiled.parameters() if parameters is None else parameters))
@@ -133,7 +133,7 @@ class StatechartSystem(LeafSystem):
         if self._decision is not None:
             declare_output(self, "decision_pending", self._decision_pending, timed | read)
         declare_output(self, "next_event_time", self._next_event_time, timed)
-        declare_output(self, "trace", lambda context: self._state(context)[self._num_x :], stored, size=_TRACE_SIZE)
+        declare_output(self, "trace", lambda context: self._state(context)[self._num_x :], stored, size=TRACE_SIZE)
         declare_update(self, self._update, reaction_period)
 
     @property
@@ -201,7 +201,7 @@ class StatechartSystem(LeafSystem):
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         x, fired, leaves = self._chain(context, decide=True)
-        trace = np.full(_TRACE_SIZE, -1.0)
+        trace = np.full(TRACE_SIZE, -1.0)
         trace[_TIME], trace[_BEFORE] = context.get_time(), self._state(context)[0]
         trace[_FIRED.start : _FIRED.start + len(fired)] = fired
         trace[_AFTER.start : _AFTER.start + len(leaves)] = leaves

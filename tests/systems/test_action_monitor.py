@@ -90,3 +90,16 @@ def test_stays_in_the_last_action(task):
     at(dut, context, 3.0, joints_done=1.0)
     at(dut, context, 4.0, button=3.0)
     assert at(dut, context, 9.0, joints_done=2.0)[:2] == (5, 2)
+
+
+def test_a_hand_that_is_not_seen_is_no_sample(task):
+    dut = ActionMonitor(task, [EndsAfter(2), EndsAfter(2), None, None, None])
+    context = begin(dut)
+    nowhere = np.full(3, np.nan)
+    for time in (0.0, 0.1, 0.2):
+        assert at(dut, context, time, p_WH=nowhere)[0] == 1
+    assert context.get_discrete_state_vector().value()[4] == 0.0
+    assert at(dut, context, 0.3, p_WH=np.ones(3))[0] == 1
+    assert at(dut, context, 0.4)[0] == 2
+    # The button needs no hand.
+    assert at(dut, context, 0.5, p_WH=nowhere, button=1.0)[0] == 3

@@ -46,3 +46,19 @@ def test_without_a_reference_the_phase_is_one(dut):
     context = dut.CreateDefaultContext()
     dut.GetInputPort("human_action").FixValue(context, 2.0)
     assert dut.GetOutputPort("phase").Eval(context)[0] == 1.0
+
+
+def test_a_hand_that_is_not_seen_is_no_sample(dut, references):
+    def phases(query):
+        simulator = Simulator(dut)
+        context = simulator.get_mutable_context()
+        dut.GetInputPort("human_action").FixValue(context, 1.0)
+        for k, sample in enumerate(query):
+            dut.GetInputPort("p_WH").FixValue(context, sample)
+            simulator.AdvanceTo(0.1 * k + 0.05)
+            yield dut.GetOutputPort("phase").Eval(context)[0]
+
+    nowhere, query = np.full((3, 3), np.nan), references[0][:30]
+    seen = list(phases(np.concatenate([nowhere, query])))
+    assert seen[:3] == [0.0, 0.0, 0.0]
+    assert seen[3:] == list(phases(query))

@@ -1,0 +1,352 @@
+"""A whole collaboration with a person who is not in the diagram: hand and buttons by LCM, decisions out of it.
+
+The person is scripted, by a ``Human`` of its own that sees nothing but whether the robot is ready.
+"""
+
+import numpy as np
+import pytest
+from pydrake.lcm import DrakeLcm
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, PassThrough
+
+from pace_drake.diagram import Assembly
+from pace_drake.errors import InputError
+from pace_drake.lcm.types import lcmt_pace_decision, lcmt_pace_operator, lcmt_pace_state
+from pace_drake.policies.factory import make_policy
+from pace_drake.systems.human import Human
+from pace_drake.systems.observed_person import ObservedPerson
+from pace_drake.systems.tracked_person import TrackedPerson
+from pace_drake.task import ActionKind
+from tests.lcm.senders import hand, press
+from tests.short_scenario import short_scenario
+from tests.systems.forced import force_update
+
+PERIOD = 0.01  # [s]
+REQUEST, STOP, ACKNOWLEDGE = lcmt_pace_operator.REQUEST, lcmt_pace_operator.STOP, lcmt_pace_operator.ACKNOWLEDGE
+
+
+class Collaboration:
+    """An assembly with a tracked person, and the person."""
+
+    def __init__(self, policy, *overrides, **kwargs):
+        self.scenario = short_scenario("human.monitor=button", *overrides)
+        self.lcm = DrakeLcm("memq://")
+        self.assembly = Assembly(
+            self.scenario,
+            None if policy is None else make_policy(policy, self.scenario),
+            reaction_period=PERIOD,
+            person=TrackedPerson(self.scenario.lcm, self.lcm),
+            lcm=self.lcm,
+            **kwargs,
+        )
+        self.published = []
+        self.lcm.Subscribe("PACE_DECISION", lambda data: self.published.append(lcmt_pace_decision.decode(data)))
+        self.states = []
+        self.lcm.Subscribe("PACE_STATE", lambda data: self.states.append(lcmt_pace_state.decode(data)))
+        self.simulator = Simulator(self.assembly)
+        self.context = self.simulator.get_mutable_context()
+        episode = self.assembly.people.sample(self.scenario, np.random.default_rng(1))
+        self.assembly.set_episode(self.context, episode)
+        self.human = Human(self.scenario.task, self.assembly.people.demonstrations)
+        self.human_context = self.human.CreateDefaultContext()
+        self.human.set_episode(self.human_context, episode)
+        self.human.GetInputPort("joint_ready").FixValue(self.human_context, 0.0)
+        self.step_number = self.num_presses = 0
+        self.action = 1
+        self.decisions = []
+        self.commands = []
+
+    @property
+    def time(self):
+        return self.context.get_time()
+
+    def output(self, name):
+        return self.assembly.GetOutputPort(name).Eval(self.context)
+
+    def of_chart(self, name):
+        chart = self.assembly.task_statechart
+        return chart.GetOutputPort(name).Eval(chart.GetMyContextFromRoot(self.context))[0]
+
+    def of_human(self, name):
+        return self.human.GetOutputPort(name).Eval(self.human_context)
+
+    def press(self, event):
+        self.num_presses += 1
+        self.lcm.Publish("PACE_OPERATOR", press(event, self.num_presses))
+
+    def live(self):
+        """What the person does at this instant: moves the hand, and says when an action of their own is over."""
+        self.human_context.SetTime(self.time)
+        self.human.GetInputPort("joint_ready").FixValue(self.human_context, self.of_chart("joint_ready"))
+        force_update(self.human, self.human_context)
+        action = int(self.of_human("human_action")[0])
+        if action > self.action and self.action not in self.scenario.task.human_index_of_joint:
+            self.press(REQUEST)
+        self.action = action
+        self.lcm.Publish("PACE_HAND", hand(self.step_number, self.of_human("p_WH")))
+        self.lcm.HandleSubscriptions(0)
+
+    def step(self):
+        """One period: the updates of this instant, of which it notes the decisions that they make."""
+        self.live()
+        seen = self.output("observation").tolist(), self.output("phase")[0]
+        time = self.time
+        self.step_number += 1
+        self.simulator.AdvanceTo(self.step_number * PERIOD)
+        chart = self.assembly.task_statechart
+        for reaction in chart.reactions(chart.GetMyContextFromRoot(self.context)):
+            answer = {"d_no": 0, "d_yes": 1, "d_timeout": -1}.get(reaction.transition)
+            if answer is not None:
+                index, joint = int(self.of_chart("decision_index")), int(self.output("joint_action")[0])
+                self.decisions.append((time, index, answer, joint, reaction.transition, reaction.target, *seen))
+        command = self.output("robot_action").astype(int).tolist()
+        if not self.commands or command != self.commands[-1]:
+            self.commands.append(command)
+
+    def run(self, until=lambda: False, limit=100.0):
+        while not self.output("finished")[0] and not until():
+            assert self.time < limit
+            self.step()
+
+    def joints_done(self):
+        return int(self.assembly.human.GetOutputPort("joints_done").Eval(self.human_of_diagram())[0])
+
+    def human_of_diagram(self):
+        return self.assembly.human.GetMyContextFromRoot(self.context)
+
+
+def told(message):
+    observation = list(message.observation)
+    assert (message.robot_task, message.human_action, message.elapsed) == tuple(observation[:3])
+    return (
+        *(message.time, message.decision_index, message.assist, message.joint_action),
+        *(message.transition, message.leaf, observation, message.phase),
+    )
+
+
+def test_a_collaboration_comes_to_its_end_and_its_decisions_are_published():
+    dut = Collaboration("phase_threshold")
+    dut.run()
+    dut.lcm.HandleSubscriptions(0)
+    assert dut.of_human("joints_done")[0] >= 2  # the last one may end with the robot's homing
+    assert dut.joints_done() == 3
+    assert dut.output("human_action")[0] == 6
+    joints = [index for kind, index, _ in dut.commands if kind == ActionKind.JOINT]
+    assert joints == [1, 2, 3]
+    assert [told(message) for message in dut.published] == dut.decisions
+    assert {message.assist for message in dut.published} == {0, 1}
+    assert [m.decision_index for m in dut.published] == list(range(1, len(dut.decisions) + 1))
+    assert dut.assembly.person.hand.inbox.num_good == dut.step_number
+    # All that the person did by themselves was over when they said so, and they waited as the meter says.
+    assert (dut.output("human_idle") >= 0).all()
+    assert dut.output("human_idle").sum() + dut.output("robot_idle").sum() > 0
+
+
+def test_the_state_is_published():
+    dut = Collaboration("phase_threshold")
+    dut.run()
+    dut.lcm.HandleSubscriptions(0)
+    np.testing.assert_allclose([state.time for state in dut.states], 0.05 * np.arange(len(dut.states)), atol=1e-9)
+    assert dut.time - dut.states[-1].time <= 0.05 + 1e-9
+    leaves = {state.leaf for state in dut.states}
+    assert leaves - {"WAIT"} == {"READY", "ROBOT_TASK", "PREP", "JOINT", "HOMING", "DONE"}
+    assert {state.human_action for state in dut.states} == set(range(1, 7))
+    assert all((state.joint_ready > 0) == (state.leaf == "JOINT") for state in dut.states)
+    assert all((state.robot_waiting > 0) == (state.leaf == "WAIT") for state in dut.states)
+    assert {state.joint_ready for state in dut.states} == {0, 1, 2, 3}
+    # Nobody waits for a robot that is there.
+    assert not any(state.human_waiting and state.joint_ready for state in dut.states)
+    assert any(state.human_waiting for state in dut.states)
+    assert all(state.phase == 1.0 for state in dut.states if state.joint_ready)
+
+
+def test_a_decision_may_be_answered_from_outside():
+    dut = Collaboration(None, "decision_timeout=0.5")
+    answer = dut.assembly.GetInputPort("assist")
+    answer.FixValue(dut.context, -1.0)
+    dut.run(until=lambda: dut.time > 0.2)
+    answer.FixValue(dut.context, 1.0)
+    dut.run(until=lambda: len(dut.decisions) == 1)
+    dut.step()
+    dut.lcm.HandleSubscriptions(0)
+    assert [told(message) for message in dut.published] == dut.decisions
+    assert [(message.assist, message.leaf) for message in dut.published] == [(1, "PREP")]
+
+
+def test_a_stop_while_a_decision_is_asked_for_is_no_decision():
+    dut = Collaboration(None, "decision_timeout=10.0")
+    answer = dut.assembly.GetInputPort("assist")
+    answer.FixValue(dut.context, -1.0)
+    dut.run(until=lambda: dut.time > 0.2)
+    dut.press(STOP)
+    dut.run(until=lambda: dut.time > 0.5)
+    assert dut.output("robot_action")[0] == ActionKind.HOLD
+    dut.press(ACKNOWLEDGE)
+    dut.run(until=lambda: dut.time > 1.5)
+    answer.FixValue(dut.context, 0.0)
+    dut.run(until=lambda: dut.time > 2.0)
+    dut.lcm.HandleSubscriptions(0)
+    assert [message.transition for message in dut.published] == ["d_no"]
+
+
+def test_the_person_is_known_as_by_a_simulation_of_them():
+    # Both people and robots draw the same; the real person's robot learns of them by button and hand alone.
+    dut = Collaboration("always")
+    dut.run()
+    simulated = Assembly(
+        short_scenario(), make_policy("always", dut.scenario), people=dut.assembly.people, reaction_period=PERIOD
+    )
+    simulator = Simulator(simulated)
+    context = simulator.get_mutable_context()
+    simulated.set_episode(context, simulated.people.sample(dut.scenario, np.random.default_rng(1)))
+    while not simulated.GetOutputPort("finished").Eval(context)[0]:
+        simulator.AdvanceTo(context.get_time() + PERIOD)
+    for name in ("robot_idle", "human_idle"):
+        # Each joint action is noticed by up to a sample of the monitor later, at both of its ends.
+        np.testing.assert_allclose(dut.output(name), simulated.GetOutputPort(name).Eval(context), atol=0.3)
+    assert dut.time == pytest.approx(context.get_time(), abs=1.0)
+
+
+@pytest.mark.parametrize("kind", [ActionKind.JOINT, ActionKind.PREPARE, ActionKind.HOME, ActionKind.ROBOT_TASK])
+def test_a_stop_in_anything_is_gone_on_from(kind):
+    dut = Collaboration("phase_threshold")
+    dut.run(until=lambda: dut.output("robot_action")[0] == kind)
+    index, number = dut.output("robot_action")[1:]
+    begun = dut.time
+    dut.run(until=lambda: dut.time > begun + 0.2)
+    dut.press(STOP)
+    dut.step()
+    dut.step()
+    assert dut.output("robot_action")[0] == ActionKind.HOLD
+    before = dut.time
+    dut.run(until=lambda: dut.time > before + 1.0)
+    assert dut.output("robot_action")[0] == ActionKind.HOLD
+    dut.press(ACKNOWLEDGE)
+    dut.run(until=lambda: dut.output("robot_action")[0] != ActionKind.HOLD, limit=before + 2.0)
+    assert dut.output("robot_action")[1] == index
+    assert dut.output("robot_action")[2] == number + 1  # issued again
+    dut.run()
+    assert dut.joints_done() == 3
+
+
+def test_a_decision_without_an_answer_is_published_once():
+    dut = Collaboration("phase_threshold", "decision_timeout=0.05")
+    dut.assembly.decision._policy = Silent(dut.assembly.decision._policy)
+    dut.run(until=lambda: len(dut.decisions) == 3)
+    dut.step()
+    dut.lcm.HandleSubscriptions(0)
+    assert [told(message) for message in dut.published] == dut.decisions
+    assert [message.assist for message in dut.published] == [-1, -1, -1]
+    assert [message.transition for message in dut.published] == ["d_timeout"] * 3
+
+
+class Silent:
+    """Has no answer."""
+
+    def __init__(self, policy):
+        self.observation = policy.observation
+
+    def decide(self, observation):
+        return -1
+
+
+def test_before_the_first_sample_the_hand_is_nowhere_and_nothing_breaks():
+    dut = Collaboration("phase_threshold")
+    dut.simulator.AdvanceTo(0.5)
+    assert np.isnan(dut.output("p_WH")).all()
+    assert dut.output("phase")[0] == 0.0
+    assert dut.output("human_action")[0] == 1
+
+
+def test_the_hand_alone_ends_an_action():
+    scenario = short_scenario("human.monitor=detector")
+    lcm = DrakeLcm("memq://")
+    assembly = Assembly(scenario, None, reaction_period=PERIOD, person=TrackedPerson(scenario.lcm, lcm))
+    simulator = Simulator(assembly)
+    context = simulator.get_mutable_context()
+    demonstration = assembly.people.demonstrations[0][0]
+    for k in range(1200):
+        time = context.get_time()
+        lcm.Publish("PACE_HAND", hand(k, demonstration.position(time, 2.2)))
+        lcm.HandleSubscriptions(0)
+        simulator.AdvanceTo((k + 1) * PERIOD)
+        if assembly.GetOutputPort("human_action").Eval(context)[0] == 2:
+            break
+    assert assembly.GetOutputPort("human_action").Eval(context)[0] == 2
+    assert context.get_time() > 1.0
+
+
+def test_who_tells_nothing_cannot_be_told_of():
+    scenario = short_scenario()
+    lcm = DrakeLcm("memq://")
+    with pytest.raises(InputError, match=r"^human\.monitor: .* must be detector or button") as raised:
+        Assembly(scenario, None, reaction_period=PERIOD, person=TrackedPerson(scenario.lcm, lcm))
+    assert "\n" not in str(raised.value)
+
+
+def obedient_arm(home):
+    """A station whose arm is where it should be."""
+    builder = DiagramBuilder()
+    ports = (("panda.position", "panda.position_measured", 7), ("gripper.position", "gripper.unused", 1))
+    for name, measured, size in (*ports, ("p_WH", "p_WH_unused", 3)):
+        through = builder.AddNamedSystem(name, PassThrough(size))
+        builder.ExportInput(through.get_input_port(), name)
+        builder.ExportOutput(through.get_output_port(), measured)
+    station = builder.Build()
+    station.set_name("station")
+    return station
+
+
+@pytest.fixture(scope="module")
+def motions():
+    from pace_drake.stations.motions import plan_motions
+
+    scenario = short_scenario()
+    return plan_motions(scenario.workcell, scenario.task.num_robot_tasks, scenario.task.num_joint_actions)
+
+
+def test_a_hand_that_falls_silent_stops_the_arm_until_it_is_back_and_acknowledged(motions):
+    dut = Collaboration("never", station=obedient_arm(motions.home), motions=motions)
+    assembly = dut.assembly
+    assert isinstance(assembly.human, ObservedPerson)
+    assert not any(assembly.HasInputPort(name) for name in ("hand_age", "stop", "ack", "button"))
+    assert assembly.HasInputPort("fault")
+
+    def stopped():
+        return bool(dut.output("safety_stop")[0])
+
+    dut.live()  # the first sample is there before the start
+    dut.simulator.Initialize()
+    dut.run(until=lambda: dut.time > 0.5)
+    assert not stopped()
+    assert dut.output("robot_action")[0] == ActionKind.ROBOT_TASK
+    silent_since = dut.time
+    dut.simulator.AdvanceTo(silent_since + 0.19)
+    assert not stopped()
+    dut.simulator.AdvanceTo(silent_since + 0.25)
+    assert stopped()
+    assert dut.output("robot_action")[0] == ActionKind.HOLD
+    dut.step_number = round(dut.time / PERIOD)
+    dut.run(until=lambda: dut.time > silent_since + 1.0)
+    assert stopped()
+    dut.press(ACKNOWLEDGE)
+    dut.run(until=lambda: not stopped(), limit=silent_since + 2.0)
+    dut.run(until=lambda: dut.output("robot_action")[0] == ActionKind.ROBOT_TASK, limit=silent_since + 3.0)
+
+
+def test_without_a_hand_from_the_start_the_arm_never_moves(motions):
+    dut = Collaboration("never", station=obedient_arm(motions.home), motions=motions)
+    dut.simulator.AdvanceTo(1.0)
+    assert dut.output("safety_stop")[0] == 1
+    assert dut.output("robot_action")[0] == ActionKind.NONE
+    np.testing.assert_array_equal(dut.output("panda.position_measured"), motions.home)
+
+
+def test_what_a_person_does_not_put_out_is_entered_from_outside():
+    scenario = short_scenario("human.monitor=button")
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ConstantVectorSource([0.5, 0.0, 0.25]))
+    builder.ExportOutput(source.get_output_port(), "p_WH")
+    dut = Assembly(scenario, None, reaction_period=PERIOD, person=builder.Build())
+    assert all(dut.HasInputPort(name) for name in ("assist", "stop", "ack", "button"))
