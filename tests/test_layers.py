@@ -20,7 +20,7 @@ LAYERS = [
     ["diagram"],
     ["simulation"],
     ["envs", "evaluate"],
-    ["learning"],
+    ["learning", "bridge"],
     ["cli"],
 ]
 

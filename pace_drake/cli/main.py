@@ -13,7 +13,8 @@ class _Verbs(click.Group):
 
     _modules = (
         *("run", "train", "export", "sweep", "thresholds", "timeline", "view", "diagram"),
-        *("scenarios", "demos", "tune", "evaluate", "chart", "hand", "operator"),
+        *("scenarios", "demos", "tune", "evaluate", "chart"),
+        *("bridge", "replay", "hand", "operator"),
     )
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -2,15 +2,14 @@
 
 import json
 import logging
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from pace_drake.cli.options import set_option
+from pace_drake.cli.run_folder import choose_folder, make_folder
 from pace_drake.cli.tables import idle_table
-from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
     from pace_drake.diagram import Assembly
@@ -99,14 +98,10 @@ class _Run:
         self.scenario, self.level, self.seed, self.episodes = scenario, level, seed, episodes
         self.sorts: list[Sort] = []
         self.console = Console()
-        self.out = self._choose_folder(out)
+        self.out = choose_folder(out, f"{scenario.name}-{Path(scenario.policy).stem}")
         self.live: LivePanel | None = None
         self.assembly, self.meshcat = self._build(policy, show)
-        # Made last, so that bad input leaves nothing behind.
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{self.out}: cannot make the run folder: {error.strerror}") from error
+        make_folder(self.out)
 
     def _build(self, policy: "Policy", show: bool) -> tuple["Assembly", object]:
         from pace_drake.diagram import JOINT_LOG, Assembly, make_plant_assembly
@@ -131,17 +126,6 @@ class _Run:
         with self.console.status("planning the robot's motions"):
             assembly = make_plant_assembly(self.scenario, policy, meshcat=meshcat, people=people, logged=JOINT_LOG)
         return assembly, meshcat
-
-    def _choose_folder(self, out: Path | None) -> Path:
-        if out is None:
-            stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-            stem = Path("runs") / f"{stamp}-{self.scenario.name}-{Path(self.scenario.policy).stem}"
-            out, again = stem, 1
-            while out.exists():
-                out, again = stem.with_name(f"{stem.name}-{again}"), again + 1
-        if out.exists() and (not out.is_dir() or any(out.iterdir())):
-            raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
-        return out
 
     def execute(self) -> None:
         """Runs the episodes and writes everything."""

@@ -25,6 +25,7 @@ COLOURS = {
     "HOME": "#bab0ac",
     "HOME_ABORTED": "#bab0ac",
     "idle": "#e45756",
+    "HOLD": "#b279a2",
 }
 
 
@@ -88,8 +89,13 @@ def timeline_figure(events: list[dict[str, str]], task: Task, title: str) -> "Fi
             COLOURS["joint" if joint else "human"],
             row["name"].replace("_", "\n", 1),
         )
+    commands = [row for row in events if row["kind"] == "command"]
+    for row, following in zip_longest(commands, commands[1:]):
+        if row["name"] == ActionKind.HOLD.name:
+            until = end if following is None else float(following["time"])
+            bar(0, float(row["time"]), until, COLOURS["HOLD"], "held")
     for row in events:
-        if row["kind"] == "command":
+        if row["kind"] == "command" and row["name"] != ActionKind.HOLD.name:
             start = float(row["time"])
             stop = start + float(row["duration"] or 0.0)
             kind = ActionKind[row["name"]]

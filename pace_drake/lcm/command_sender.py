@@ -28,16 +28,17 @@ class PandaCommandSender(LeafSystem):
         robot_mode (1): libfranka's robot mode of the last status; 2 = Move.
         fault (1): brakes, while it is not 0.
         enable (1): the operator's leave to move: its rising edge counts; unconnected, never.
+        stalled (1) [s]: time that this process has lost so far; unconnected, none.
 
     Outputs:
         following (1): 1 while the reference is what is sent.
         gate_mode (1): see ``GateMode``.
         refusal (2): why the last command that was refused was (``Refusal``), and at which joint [1-based]; 0 none.
-        num_refusals (1).
+        num_refusals (1), num_losses (1): how often a command was refused, and time was lost while the arm moved.
         command (7) [rad], command_velocity (7) [rad/s]: sent last, while gate_mode is not SILENT.
 
     State:
-        That of the gate (``GateState.vector``).
+        That of the gate (``GateState.vector``), and stalled [s] at the last tick.
 
     Events:
         update, every ``gate.period``: sends one command, if the gate sends one at this tick. (A publish event of the
@@ -49,6 +50,7 @@ class PandaCommandSender(LeafSystem):
         gate: what lets them pass.
         channel: LCM channel of the commands.
         status_timeout: [s] largest status_age on which a command is sent.
+        max_stall: [s] that may be lost between two ticks of a moving arm.
         clock: wall clock [s since the Unix epoch] that stamps the commands.
     """
 
@@ -59,23 +61,26 @@ class PandaCommandSender(LeafSystem):
         *,
         channel: str = "PANDA_COMMAND",
         status_timeout: float = 0.05,
+        max_stall: float = 0.05,
         clock: Callable[[], float] = time.time,
     ) -> None:
         super().__init__()
         self._lcm, self._gate, self._channel, self._clock = lcm, gate, channel, clock
-        self._status_timeout = status_timeout
+        self._status_timeout, self._max_stall = status_timeout, max_stall
         self._position = declare_input(self, "position", NUM_JOINTS)
         self._measured = declare_input(self, "position_measured", NUM_JOINTS)
         self._status_age = declare_input(self, "status_age")
         self._robot_mode = declare_input(self, "robot_mode")
         self._fault = declare_input(self, "fault")
         self._enable = declare_input(self, "enable")
-        self.DeclareDiscreteState(GateState().vector())
+        self._stalled = declare_input(self, "stalled")
+        self.DeclareDiscreteState(np.append(GateState().vector(), 0.0))
         state = {self.xd_ticket()}
         declare_output(self, "following", lambda c: self.state(c).mode == GateMode.FOLLOWING, state)
         declare_output(self, "gate_mode", lambda c: self.state(c).mode, state)
         declare_output(self, "refusal", lambda c: [self.state(c).refusal, self.state(c).joint], state, size=2)
         declare_output(self, "num_refusals", lambda c: self.state(c).num_refusals, state)
+        declare_output(self, "num_losses", lambda c: self.state(c).num_losses, state)
         declare_output(self, "command", lambda c: self.state(c).position, state, size=NUM_JOINTS)
         declare_output(self, "command_velocity", lambda c: self.state(c).velocity, state, size=NUM_JOINTS)
         self.DeclarePeriodicDiscreteUpdateEvent(gate.period, 0.0, self.Update)
@@ -83,10 +88,12 @@ class PandaCommandSender(LeafSystem):
     @staticmethod
     def state(context: Context) -> GateState:
         """What the gate remembers."""
-        return GateState.from_vector(context.get_discrete_state_vector().value())
+        return GateState.from_vector(context.get_discrete_state_vector().value()[:-1])
 
     def Update(self, context: Context, discrete_state: DiscreteValues) -> None:
         """Sends the command of this instant and remembers it."""
+        stalled = self._stalled.Eval(context)[0] if self._stalled.HasValue(context) else 0.0
+        stalled_before = context.get_discrete_state_vector().value()[-1]
         seen = GateInput(
             reference=self._position.Eval(context),
             measured=self._measured.Eval(context),
@@ -96,9 +103,10 @@ class PandaCommandSender(LeafSystem):
             ),
             fault=bool(self._fault.HasValue(context) and self._fault.Eval(context)[0]),
             enable=bool(self._enable.HasValue(context) and self._enable.Eval(context)[0]),
+            lost=bool(stalled - stalled_before > self._max_stall),
         )
         after = self._gate.tick(self.state(context), seen)
-        discrete_state.set_value(0, after.vector())
+        discrete_state.set_value(0, np.append(after.vector(), stalled))
         if after.mode == GateMode.SILENT:
             return
         message = lcmt_panda_command()

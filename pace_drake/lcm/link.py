@@ -48,8 +48,12 @@ class LcmNetwork:
 
     def HandleSubscriptions(self, timeout_millis: int) -> int:
         """See ``Lcm``."""
-        count = 0
-        while self._lcm.handle_timeout(0 if count else timeout_millis):
+        try:
+            count = self._lcm.handle_timeout(timeout_millis)
+        except OSError:
+            # A signal, such as Ctrl-C, ends the wait. If it is the network that failed, the next call raises as well.
+            count = 0
+        while self._lcm.handle_timeout(0):
             count += 1
         return count
 

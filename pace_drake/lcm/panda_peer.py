@@ -88,6 +88,10 @@ class PandaPeer:
         """Returns the peer's wall clock [s]: the clock that stamps commands in ``HardwareStation``."""
         return 1e-6 * (START_UTIME + self._elapsed)
 
+    def hold(self) -> None:
+        """Forgets the last command and holds the position, as a driver does that has been started anew."""
+        self._target = self.position.copy()
+
     def step(self, duration: float) -> None:
         """Takes the pending commands, lets `duration` [s] pass and publishes the status due by its end."""
         self._lcm.HandleSubscriptions(0)

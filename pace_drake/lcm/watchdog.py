@@ -14,8 +14,8 @@ from pace_drake.safety.joint_limits import JOINT_LIMITS, NUM_JOINTS
 
 
 class Trouble(IntEnum):
-    """What is wrong. Up to CLOCK it is a ``stop``: the path is held and goes on after an acknowledgement. From there on
-    it is a ``fault``: the arm brakes at once, and the operator's leave leads it back to its path first."""
+    """What is wrong. Before STALL it is a ``stop``: the path is held and goes on after an acknowledgement. From there
+    on it is a ``fault``: the arm brakes at once, and the operator's leave leads it back to its path first."""
 
     NONE = 0
     OFF_PATH = 1
@@ -34,7 +34,7 @@ class Trouble(IntEnum):
     OTHER_SENDER = 11
 
 
-_FIRST_FAULT = Trouble.CLOCK
+_FIRST_FAULT = Trouble.STALL
 _MODE_NAMES = {
     lcmt_panda_status.kOther: "Other",
     lcmt_panda_status.kIdle: "Idle",
@@ -61,9 +61,7 @@ class Watchdog(LeafSystem):
     Inputs:
         status_age (1) [s], robot_mode (1), success_rate (1), clock_skew (1) [s], position_measured (7) [rad]: of
             PandaStatusReceiver.
-        gate_mode (1), num_refusals (1), refusal (2), command (7) [rad], command_velocity (7) [rad/s]: of
-            PandaCommandSender.
-        stalled (1) [s]: time that this process has lost so far (``LcmLoop``); unconnected, none.
+        gate_mode (1), num_refusals (1), refusal (2), num_losses (1), command (7) [rad]: of PandaCommandSender.
         stop, fault, ack (1 each): from outside; unconnected, never.
 
     Outputs:
@@ -72,7 +70,7 @@ class Watchdog(LeafSystem):
         trouble (1): see ``Trouble``.
 
     State:
-        [trouble latched, ack, refusals, messages of other senders and time lost [s], each at the last look].
+        [trouble latched, ack, refusals, messages of other senders and losses of time, each at the last look].
 
     Events:
         update: at every step. Trouble latches; an ``ack`` that rises releases it if it is over.
@@ -94,11 +92,9 @@ class Watchdog(LeafSystem):
         self._age, self._mode, self._success, self._skew = inputs(
             "status_age", "robot_mode", "success_rate", "clock_skew"
         )
-        self._gate_mode, self._num_refusals, self._stalled = inputs("gate_mode", "num_refusals", "stalled")
+        self._gate_mode, self._num_refusals, self._num_losses = inputs("gate_mode", "num_refusals", "num_losses")
         self._refusal = declare_input(self, "refusal", 2)
-        self._measured, self._command, self._velocity = inputs(
-            "position_measured", "command", "command_velocity", size=NUM_JOINTS
-        )
+        self._measured, self._command = inputs("position_measured", "command", size=NUM_JOINTS)
         self._stop, self._fault, self._ack = inputs("stop", "fault", "ack")
         seen = {self.all_input_ports_ticket(), self.xd_ticket(), self.time_ticket()}
         declare_output(self, "stop", self._calc_stop, seen)
@@ -116,12 +112,14 @@ class Watchdog(LeafSystem):
     def _present(self, context: Context) -> Trouble:
         """What is wrong now, the gravest first."""
         config, mode = self._config, int(self._mode.Eval(context)[0])
-        _, _, refusals, _, stalled = context.get_discrete_state_vector().value()
+        _, _, refusals, _, losses = context.get_discrete_state_vector().value()
         age, measured = self._age.Eval(context)[0], self._measured.Eval(context)
         if age == np.inf:
             return Trouble.OFF_PATH
         if self._num_refusals.Eval(context)[0] > refusals:
             return Trouble.REFUSED
+        if self._num_losses.Eval(context)[0] > losses:
+            return Trouble.STALL
         if age > config.status_timeout:
             return Trouble.NO_STATUS
         if np.any(self._beyond(measured) > 0):
@@ -134,14 +132,13 @@ class Watchdog(LeafSystem):
             return Trouble.ROBOT
         if abs(self._skew.Eval(context)[0]) > config.max_clock_skew:
             return Trouble.CLOCK
-        moves = self._sends(context) and np.any(self._velocity.Eval(context))
-        if moves and self._optional(self._stalled, context) - stalled > config.max_stall:
-            return Trouble.STALL
         if self._sends(context) and self._success.Eval(context)[0] < config.min_success_rate:
             return Trouble.SUCCESS_RATE
         return Trouble.NONE if self._gate_mode.Eval(context)[0] == GateMode.FOLLOWING else Trouble.OFF_PATH
 
-    def _num_messages_of_others(self) -> int:
+    @property
+    def num_messages_of_others(self) -> int:
+        """How many commands somebody else has sent."""
         return self._others.num_good + self._others.num_old + self._others.num_bad
 
     def _beyond(self, measured: np.ndarray) -> np.ndarray:
@@ -168,7 +165,7 @@ class Watchdog(LeafSystem):
         """Latches what is wrong, or releases it."""
         latched, ack_before, _, others, _ = context.get_discrete_state_vector().value()
         present, ack = self._present(context), self._optional(self._ack, context)
-        if self._num_messages_of_others() > others:
+        if self.num_messages_of_others > others:
             present = Trouble.OTHER_SENDER
         if present > Trouble.OFF_PATH:
             latched = max(latched, present)
@@ -180,8 +177,8 @@ class Watchdog(LeafSystem):
                 latched,
                 ack,
                 self._num_refusals.Eval(context)[0],
-                self._num_messages_of_others(),
-                self._optional(self._stalled, context),
+                self.num_messages_of_others,
+                self._num_losses.Eval(context)[0],
             ],
         )
 

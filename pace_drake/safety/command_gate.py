@@ -47,7 +47,7 @@ BRAKING_SHARE = 0.5
 _SLACK = 1e-6
 
 
-_NUM_SCALARS = 8
+_NUM_SCALARS = 9
 
 
 def _zeros() -> np.ndarray:
@@ -68,6 +68,8 @@ class GateInput:
     """Whether it must brake."""
     enable: bool
     """The operator's leave to move; its rising edge counts."""
+    lost: bool = False
+    """Whether so much time has been lost since the last tick that a moving arm has come to rest meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,8 @@ class GateState:
     joint: int = 0
     """[1-based] of that refusal; 0 none."""
     num_refusals: int = 0
+    num_losses: int = 0
+    """How often time was lost while the arm moved."""
     enable: bool = False
     """At the last tick."""
     armed: bool = False
@@ -100,7 +104,7 @@ class GateState:
     """(7) [rad] where the join ends."""
 
     def vector(self) -> np.ndarray:
-        """(43) all fields."""
+        """(44) all fields."""
         scalars = [getattr(self, f.name) for f in fields(self)[:_NUM_SCALARS]]
         arrays = [getattr(self, f.name) for f in fields(self)[_NUM_SCALARS:]]
         return np.concatenate([np.array(scalars, dtype=float), *arrays])
@@ -108,10 +112,19 @@ class GateState:
     @staticmethod
     def from_vector(vector: np.ndarray) -> "GateState":
         """The state that ``vector`` laid out."""
-        mode, refusal, joint, num_refusals, enable, armed, step, steps = (int(x) for x in vector[:_NUM_SCALARS])
+        mode, refusal, joint, num_refusals, num_losses, enable, armed, step, steps = map(int, vector[:_NUM_SCALARS])
         arrays = vector[_NUM_SCALARS:].reshape(-1, NUM_JOINTS).copy()
         return GateState(
-            GateMode(mode), Refusal(refusal), joint, num_refusals, bool(enable), bool(armed), step, steps, *arrays
+            GateMode(mode),
+            Refusal(refusal),
+            joint,
+            num_refusals,
+            num_losses,
+            bool(enable),
+            bool(armed),
+            step,
+            steps,
+            *arrays,
         )
 
 
@@ -123,8 +136,8 @@ class CommandGate:
     on a straight line in joint space (minimum jerk), and then follows the reference. Each command must be finite, so
     that the arm could stop within its position limits, and within the limits of velocity, acceleration and jerk from
     the commands before it. One that is not is refused before it is sent: the gate brakes and holds. So it does when
-    there is a fault. When the robot does not listen it falls silent. Only the operator's leave gets it going again,
-    from where the arm is then.
+    there is a fault. When the robot does not listen, or time was lost while it moved, it falls silent. Only the
+    operator's leave gets it going again, from where the arm is then.
 
     The first command after silence is the measured position.
     """
@@ -148,6 +161,9 @@ class CommandGate:
         """The state after one tick; if its mode is not SILENT, its position is to be sent."""
         armed = seen.enable and (state.armed or not state.enable)
         state = replace(state, enable=seen.enable, armed=armed)
+        if seen.lost and state.mode != GateMode.SILENT and np.any(state.velocity):
+            # To go on would be to command full speed to an arm at rest.
+            return self._silent(replace(state, num_losses=state.num_losses + 1))
         if not seen.ready or state.mode == GateMode.SILENT:
             state = self._silent(state)
             may_join = seen.ready and seen.enable and armed and not seen.fault

@@ -95,6 +95,7 @@ class HardwareStation(Diagram):
                 gate,
                 channel=config.panda_command_channel,
                 status_timeout=config.status_timeout,
+                max_stall=config.max_stall,
                 clock=clock,
             ),
         )
@@ -130,7 +131,8 @@ class HardwareStation(Diagram):
         builder.ExportInput(hand.get_input_port(), "p_WH")
         builder.ExportInput(self.sender.GetInputPort("enable"), "ack")
         builder.ConnectInput("ack", self.watchdog.GetInputPort("ack"))
-        for name in ("stop", "fault", "stalled"):
+        builder.ExportInput(self.sender.GetInputPort("stalled"), "stalled")
+        for name in ("stop", "fault"):
             builder.ExportInput(self.watchdog.GetInputPort(name), name)
         for system, output, name in (
             (self.status, "position_measured", "panda.position_measured"),
@@ -219,17 +221,17 @@ class LcmLoop:
         """Waits for the first status, then initializes the simulator, so that no zeros are taken for a pose.
 
         Args:
-            timeout: how long to wait [s, real time].
+            timeout: how long to wait [s].
 
         Raises:
             InputError: no status came.
         """
-        deadline = time.monotonic() + timeout
+        deadline = self._clock() + timeout
         while True:
             self._lcm.HandleSubscriptions(self._poll_milliseconds)
             if self._status.num_good:
                 break
-            if time.monotonic() >= deadline:
+            if self._clock() >= deadline:
                 raise InputError(
                     f"no usable {self._status.channel} message within {timeout:g} s: start the robot's driver, or "
                     "correct lcm.url or the channel"

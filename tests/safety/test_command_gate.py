@@ -224,6 +224,28 @@ def test_a_reference_that_moves_meanwhile_is_joined_again():
     assert_within_limits(rig.sent)
 
 
+def test_a_moving_arm_is_not_driven_on_after_time_was_lost():
+    rig = Rig().follow()
+    for k in range(50):
+        rig.tick(reference=HOME + 0.1 * (1 - np.cos(0.02 * k)))
+    held = rig.sent[-1]
+    assert rig.tick(lost=True) == GateMode.SILENT
+    assert rig.state.num_losses == 1
+    rig.tick(10, lost=False)
+    np.testing.assert_array_equal(rig.sent[-1], held)
+    before = len(rig.sent)
+    rig.enable()
+    rig.follow()
+    assert_within_limits(rig.sent[before:])
+
+
+def test_time_lost_at_rest_is_no_loss():
+    rig = Rig().follow()
+    rig.tick(5)
+    assert rig.tick(lost=True) == GateMode.FOLLOWING
+    assert rig.state.num_losses == 0
+
+
 def test_the_vector_holds_all_of_the_state():
     rig = Rig(HOME + 0.3)
     rig.tick(ready=True)

@@ -1,0 +1,59 @@
+"""Playback: a recorded LCM log in place of the network, and its time in place of the clock."""
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable
+
+from pace_drake.bridge.lcm_log import LoggedMessage
+
+
+class Playback:
+    """Hands the messages of a log over as the network did; what is published goes into a list.
+
+    It is an ``Lcm`` for a Session and, by ``clock``, its clock: time passes while one waits for a message, and nothing
+    else takes any.
+
+    Attributes:
+        sent: what was published.
+
+    Args:
+        messages: of the log.
+        omitted: channels that are not handed over, such as the one that is played anew.
+    """
+
+    def __init__(self, messages: Iterable[LoggedMessage], omitted: Collection[str] = ()) -> None:
+        self._messages = iter([m for m in messages if m.channel not in omitted])
+        self._next = next(self._messages, None)
+        self._time = self._next.time if self._next is not None else 0.0
+        self._handlers: dict[str, list[Callable[[bytes], None]]] = defaultdict(list)
+        self.sent: list[LoggedMessage] = []
+
+    @property
+    def over(self) -> bool:
+        """Whether all messages have been handed over."""
+        return self._next is None
+
+    def clock(self) -> float:
+        """[s since the Unix epoch] in the log."""
+        return self._time
+
+    def Publish(self, channel: str, buffer: bytes) -> None:
+        """See ``Lcm``."""
+        self.sent.append(LoggedMessage(self._time, channel, buffer))
+
+    def Subscribe(self, channel: str, handler: Callable[[bytes], None]) -> None:
+        """See ``Lcm``."""
+        self._handlers[channel].append(handler)
+
+    def HandleSubscriptions(self, timeout_millis: int) -> int:
+        """See ``Lcm``."""
+        deadline, count = self._time + 1e-3 * timeout_millis, 0
+        while self._next is not None and self._next.time <= (self._time if count else deadline):
+            message = self._next
+            self._next = next(self._messages, None)
+            self._time = max(self._time, message.time)
+            for handler in self._handlers[message.channel]:
+                handler(message.data)
+                count += 1
+        if not count:
+            self._time = deadline
+        return count

@@ -1,0 +1,148 @@
+"""``pace replay``: the diagram on a recorded LCM log."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pace_drake.cli.options import set_option
+from pace_drake.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from pace_drake.bridge.lcm_log import LoggedMessage
+
+
+@click.command("replay", short_help="Run the diagram on a recorded LCM log and show what it would have commanded.")
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--scenario", help="Name or .yaml file; default the one beside the log, or ikea_chair.")
+@click.option("--policy", help="Policy name or .onnx file; default the scenario's.")
+@click.option(
+    "--person",
+    type=click.Choice(["lcm", "simulated"]),
+    help="Where the hand comes from; default as in the run, or simulated.",
+)
+@click.option("--acknowledge", type=float, metavar="SECONDS", help="Give leave to move then, as if the operator had.")
+@set_option
+def command(
+    log: Path,
+    scenario: str | None,
+    policy: str | None,
+    person: str | None,
+    acknowledge: float | None,
+    overrides: tuple[str, ...],
+) -> None:
+    """Run the diagram on LOG: an LCM log, or a run folder of `pace bridge`. Nothing is sent anywhere.
+
+    The status, the gripper's status, the hand and the operator's buttons come from the log, and its time is the
+    diagram's; the robot is where it was recorded, whatever is commanded. Shows what was wrong when, what was decided,
+    and how the commands compare with those in the log.
+    """
+    import json
+
+    import numpy as np
+    from rich.console import Console
+
+    from pace_drake.bridge.command_check import check_commands
+    from pace_drake.bridge.lcm_log import read_log
+    from pace_drake.bridge.playback import Playback
+    from pace_drake.bridge.retrace import read_episode
+    from pace_drake.bridge.session import Session
+    from pace_drake.evaluate.event_log import EventRecorder
+    from pace_drake.lcm.types import lcmt_pace_operator
+    from pace_drake.people import load_people
+    from pace_drake.policies.factory import make_policy
+    from pace_drake.scenario import load_scenario
+
+    console = Console()
+    folder = log if log.is_dir() else log.parent
+    messages = list(read_log(log / "lcm.log" if log.is_dir() else log))
+    recorded_scenario, recorded_episode = folder / "scenario.yaml", folder / "episode.json"
+    if scenario is None:
+        scenario = str(recorded_scenario) if recorded_scenario.exists() else "ikea_chair"
+    extra = overrides if policy is None else (*overrides, f"policy={json.dumps(policy)}")
+    loaded = load_scenario(scenario, tuple(extra))
+    config = loaded.lcm
+    if not any(message.channel == config.panda_status_channel for message in messages):
+        heard = ", ".join(sorted({message.channel for message in messages})) or "nothing"
+        raise InputError(f"{log}: no {config.panda_status_channel} in it, but {heard}; set lcm.panda_status_channel")
+    if person is None:
+        tracked = any(message.channel == config.person_hand_channel for message in messages)
+        person = "lcm" if tracked else "simulated"
+
+    own = (config.panda_command_channel, config.hand_command_channel, config.decision_channel)
+    playback = Playback(messages, own)
+    start = playback.clock()
+    lines = 0
+
+    def tell(line: str) -> None:
+        nonlocal lines
+        lines += line.startswith(("fault", "stop:"))
+        console.print(f"{playback.clock() - start:8.2f} s  {line}", highlight=False, markup=False, soft_wrap=True)
+
+    def note(time: float, kind: str, **values) -> None:
+        if kind == "decision":
+            answer = {1: "assist", 0: "go on"}.get(values["assist"], "no answer")
+            tell(f"decision: {answer}, in human action {values['human_action']} at phase {values['phase']:.2f}")
+
+    people = load_people(loaded)
+    session = Session(
+        loaded,
+        make_policy(loaded.policy, loaded),
+        playback,
+        real_person=person == "lcm",
+        people=people,
+        clock=playback.clock,
+        steady=playback.clock,
+        tell=tell,
+    )
+    session.connect()
+    if recorded_episode.exists():
+        episode = read_episode(recorded_episode)
+    else:
+        episode = people.sample(loaded, np.random.default_rng(0))
+    session.begin(episode, (EventRecorder(note),))
+    while not (playback.over or session.finished):
+        session.step()
+        if acknowledge is not None and session.time >= acknowledge:
+            session.press(lcmt_pace_operator.ACKNOWLEDGE)
+            acknowledge = None
+    sent = [message for message in playback.sent if message.channel == config.panda_command_channel]
+    console.print(
+        f"{session.station.status.inbox.num_good} status messages over {playback.clock() - start:.1f} s, "
+        f"{session.station.status.inbox.num_bad} that cannot be used; {lines} times trouble",
+        highlight=False,
+    )
+    if not sent:
+        console.print("nothing would have been commanded: nobody gave leave in the log (--acknowledge SECONDS does)")
+        return
+    status = [message for message in messages if message.channel == config.panda_status_channel]
+    check = check_commands(sorted([*status, *sent]), config)
+    console.print(
+        f"{len(sent)} commands, {'all' if check.kept else 'NOT ALL'} within the limits: at most "
+        f"{100 * check.velocity:.0f} % of velocity, {100 * check.acceleration:.0f} % of acceleration",
+        highlight=False,
+    )
+    recorded = [message for message in messages if message.channel == config.panda_command_channel]
+    if recorded:
+        difference = _difference(recorded, sent)
+        console.print(
+            f"against the {len(recorded)} commands in the log: {1e3 * np.median(difference):.1f} mrad in the median, "
+            f"{1e3 * np.max(difference):.1f} at most",
+            highlight=False,
+        )
+
+
+def _difference(recorded: "list[LoggedMessage]", sent: "list[LoggedMessage]") -> "np.ndarray":
+    """(n) [rad] largest joint difference of each command from the recorded ones at its time."""
+    import numpy as np
+    from drake import lcmt_panda_command
+
+    times = [np.array([message.time for message in messages]) for messages in (recorded, sent)]
+    there, here = (
+        np.array([lcmt_panda_command.decode(message.data).joint_position for message in messages])
+        for messages in (recorded, sent)
+    )
+    at = np.column_stack([np.interp(times[1], times[0], there[:, k]) for k in range(there.shape[1])])
+    return np.max(np.abs(at - here), axis=1)

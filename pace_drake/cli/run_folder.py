@@ -1,0 +1,34 @@
+"""The folder that a run leaves behind."""
+
+from datetime import datetime
+from pathlib import Path
+
+from pace_drake.errors import InputError
+
+
+def choose_folder(out: Path | None, name: str) -> Path:
+    """A folder that is not there yet, or is empty: ``out``, or runs/<time>-<name>.
+
+    Raises:
+        InputError: ``out`` is taken.
+    """
+    if out is None:
+        stem = Path("runs") / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-{name}"
+        out, again = stem, 1
+        while out.exists():
+            out, again = stem.with_name(f"{stem.name}-{again}"), again + 1
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+    return out
+
+
+def make_folder(out: Path) -> None:
+    """Makes a folder of ``choose_folder``; last, so that bad input leaves nothing behind.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot make the run folder: {error.strerror}") from error

@@ -1,0 +1,28 @@
+import pytest
+
+from pace_drake.people import load_people
+from pace_drake.scenario import load_scenario
+from pace_drake.stations.motions import plan_motions
+from tests.bridge.rig import Rig
+
+
+@pytest.fixture(scope="session")
+def parts():
+    """A scenario with short human actions, its people and its motions."""
+    short = [
+        setting
+        for action, mean in ((0, 6), (2, 6), (4, 8))
+        for setting in (
+            f"task.human_actions.{action}.duration.mean={mean}",
+            f"task.human_actions.{action}.duration.minimum=2",
+        )
+    ]
+    scenario = load_scenario("ikea_chair", tuple(short))
+    task = scenario.task
+    motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
+    return scenario, load_people(scenario), motions
+
+
+@pytest.fixture
+def rig(parts):
+    return Rig(*parts)
