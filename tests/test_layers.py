@@ -13,6 +13,7 @@ LAYERS = [
     ["errors", "files", "graphviz", "resources"],
     ["dtw", "statechart", "task", "observation", "perception", "safety"],
     ["demos", "lcm"],
+    ["driver"],
     ["stations"],
     ["scenario"],
     ["policies", "people"],

@@ -13,7 +13,7 @@ class _Verbs(click.Group):
 
     _modules = (
         *("run", "train", "export", "sweep", "thresholds", "timeline", "view", "diagram"),
-        *("scenarios", "demos", "tune", "evaluate", "chart"),
+        *("scenarios", "demos", "tune", "evaluate", "chart", "driver"),
     )
 
     def list_commands(self, ctx: click.Context) -> list[str]:

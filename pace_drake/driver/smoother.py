@@ -1,0 +1,100 @@
+"""Smoother: from commands that come in steps to positions that the robot accepts every millisecond."""
+
+import numpy as np
+from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
+
+from pace_drake.driver.limits import UsableLimits
+from pace_drake.driver.robot import PERIOD
+
+_AVERAGED = 10  # cycles of the moving average
+_STREAM = 0.05  # [s] commands further apart are steps
+_PATIENCE = 1.5  # how many intervals between commands pass before the sender counts as standing still
+
+
+class Smoother:
+    """Follows a stream of commanded positions within the limits of velocity, acceleration and jerk.
+
+    1. Between two commands the target moves linearly, over the interval between their stamps.
+    2. While it moves with v, it is led by v^2 / (2 a) + v a / (2 j), the way in which the joint stops: ruckig plans to
+       stop at its target, and so keeps up with the stream instead of lagging by that way. (ruckig can be given a
+       velocity to arrive with; tried, it swings to and fro whenever it is a little ahead.)
+    3. ruckig takes one step of the fastest motion that stops at the target.
+    4. A moving average over 10 ms takes away the acceleration that alternates at the rate of the commands. It
+       keeps all limits, since an average of permitted values is permitted, and the one near position limits
+       as well, which is concave.
+    """
+
+    def __init__(self, limits: UsableLimits, position: np.ndarray) -> None:
+        """Starts at rest.
+
+        Args:
+            limits: what not to exceed.
+            position: where it starts (7) [rad].
+        """
+        self._limits = limits
+        self._ruckig, self._input, self._output = Ruckig(7, PERIOD), InputParameter(7), OutputParameter(7)
+        self._input.synchronization = Synchronization.No  # synchronized, all joints would lag as much as the slowest
+        self._input.max_acceleration = limits.acceleration
+        self._input.max_jerk = limits.jerk
+        self._input.current_position = self._input.target_position = position
+        self._recent = np.tile(np.asarray(position, dtype=float), (_AVERAGED, 1))
+        self._target = self._commanded = np.array(position, dtype=float)
+        self._velocity = np.zeros(7)  # [rad/s] of the target
+        self._stamp = -np.inf  # [s] of the last command
+        self._since = 0  # cycles since it
+        self._interval = 0  # cycles between the last two; 0: a step
+        self._braking = False
+
+    def command(self, position: np.ndarray, stamp: float) -> None:
+        """Takes a command.
+
+        Args:
+            position: where to go (7) [rad], inside the limits.
+            stamp: the sender's time [s].
+        """
+        position = np.clip(position, self._limits.lower, self._limits.upper)
+        interval = stamp - self._stamp
+        streaming = 0.0 < interval <= _STREAM
+        velocity = (position - self._commanded) / interval if streaming else np.zeros(7)
+        # What the joint cannot do is a jump of the command, and no motion to keep up with.
+        self._velocity = np.where(np.abs(velocity) < self._limits.velocity, velocity, 0.0)
+        self._interval = max(1, round(interval / PERIOD)) if streaming else 0
+        self._target = self._current_target()
+        self._commanded, self._stamp, self._since = position, stamp, 0
+
+    def brake(self) -> None:
+        """From now on stops as fast as the limits allow, whatever was commanded."""
+        self._braking = True
+        self._input.control_interface = ControlInterface.Velocity
+        self._input.target_velocity = np.zeros(7)
+
+    def at_rest(self) -> bool:
+        """Returns whether it stands still."""
+        return bool(np.all(np.ptp(self._recent, axis=0) < 1e-7))
+
+    def step(self) -> np.ndarray:
+        """Returns the position (7) [rad] of the next cycle."""
+        limits, request = self._limits, self._input
+        self._since += 1
+        if not self._braking:
+            velocity = np.zeros(7)
+            if self._since <= _PATIENCE * self._interval:
+                velocity = self._velocity
+            lead = velocity * (np.abs(velocity) / limits.acceleration + limits.acceleration / limits.jerk) / 2.0
+            target = self._current_target()
+            # A robot that starts outside the limits is held there.
+            lower, upper = np.minimum(limits.lower, target), np.maximum(limits.upper, target)
+            request.target_position = np.clip(target + lead, lower, upper)
+            request.min_velocity, request.max_velocity = limits.velocity_bounds(
+                np.array(request.current_position), np.array(request.current_velocity)
+            )
+        result = self._ruckig.update(request, self._output)
+        if result not in (Result.Working, Result.Finished):
+            raise RuntimeError(f"ruckig cannot go on: {result}")
+        self._output.pass_to_input(request)
+        self._recent = np.vstack((self._recent[1:], self._output.new_position))
+        return self._recent.mean(axis=0)
+
+    def _current_target(self) -> np.ndarray:
+        share = self._since / self._interval if self._interval else 1.0
+        return self._commanded if share >= 1.0 else self._target + share * (self._commanded - self._target)
