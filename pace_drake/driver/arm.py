@@ -14,7 +14,6 @@ from pace_drake.driver.status import Pace, make_status
 from pace_drake.lcm.config import LcmConfig
 from pace_drake.lcm.link import Lcm
 
-_MOST_CYCLES = 20  # made up for at once; after so many lost ones the robot has stopped by itself
 _LONGEST_DELAY = {"recover": 30.0, "connect": 8.0}  # [s]
 
 
@@ -24,6 +23,9 @@ class ArmDriver:
     It begins to control, and holds the position, as soon as the robot is idle. After a reflex it recovers, if it is
     to, and holds again; it never moves before a new command near the measured position. All the while it publishes,
     except while libfranka recovers and while the robot does not answer.
+
+    Attributes:
+        num_followed: how often the robot was not where it was sent, since commands were lost on their way.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class ArmDriver:
         )
         self._status_pace, self._report_pace = Pace(config.status_rate), Pace(1.0)
         self._num_reported = 0
+        self.num_followed = 0
         self._smoother: Smoother | None = None
         self._stopping: Callable[[], bool] = lambda: False
 
@@ -148,10 +151,8 @@ class ArmDriver:
             self._smoother.brake()
         elif command is not None:
             self._smoother.command(*command)
-        # The robot has gone on for the cycles that were lost.
-        position = self._smoother.step()
-        for _ in range(min(round(period / PERIOD), _MOST_CYCLES) - 1):
-            position = self._smoother.step()
+        self.num_followed += self._smoother.follow(np.array(state.q_d), np.array(state.dq_d), np.array(state.ddq_d))
+        position = self._smoother.step(max(1, round(period / PERIOD)))
         return position.tolist(), self._stopping() and self._smoother.at_rest()
 
     def _look_round(self, state: RobotState, *, controlled: bool) -> None:

@@ -1,5 +1,7 @@
 """Smoother: from commands that come in steps to positions that the robot accepts every millisecond."""
 
+from collections import deque
+
 import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
@@ -8,6 +10,8 @@ from pace_drake.driver.robot import PERIOD
 
 _AVERAGED = 10  # cycles of the moving average
 _STREAM = 0.05  # [s] commands further apart are steps
+_ON_THE_WAY = 3  # positions sent that the robot may be at
+_SAME = 1e-6  # [rad] the robot reports in single precision
 _PATIENCE = 1.5  # how many intervals between commands pass before the sender counts as standing still
 
 
@@ -22,6 +26,9 @@ class Smoother:
     4. A moving average over 10 ms takes away the acceleration that alternates at the rate of the commands. It
        keeps all limits, since an average of permitted values is permitted, and the one near position limits
        as well, which is concave.
+
+    When a command is lost on its way, the robot goes on with constant acceleration. From where it says it is then,
+    and no longer where it was sent, the motion must go on: see `follow`.
     """
 
     def __init__(self, limits: UsableLimits, position: np.ndarray) -> None:
@@ -38,6 +45,7 @@ class Smoother:
         self._input.max_jerk = limits.jerk
         self._input.current_position = self._input.target_position = position
         self._recent = np.tile(np.asarray(position, dtype=float), (_AVERAGED, 1))
+        self._sent: deque[np.ndarray] = deque([np.array(position, dtype=float)], _ON_THE_WAY)
         self._target = self._commanded = np.array(position, dtype=float)
         self._velocity = np.zeros(7)  # [rad/s] of the target
         self._stamp = -np.inf  # [s] of the last command
@@ -62,6 +70,31 @@ class Smoother:
         self._target = self._current_target()
         self._commanded, self._stamp, self._since = position, stamp, 0
 
+    def follow(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> bool:
+        """Goes on from the robot's desired motion, if that is none of the positions that `step` last returned.
+
+        Args:
+            position: the robot's desired position (7) [rad].
+            velocity: its velocity (7) [rad/s].
+            acceleration: its acceleration (7) [rad/s^2].
+
+        Returns:
+            Whether it had to.
+        """
+        if any(np.abs(position - sent).max() < _SAME for sent in self._sent):
+            return False
+        velocity = np.clip(velocity, -self._limits.velocity, self._limits.velocity)
+        acceleration = np.clip(acceleration, -self._limits.acceleration, self._limits.acceleration)
+        # The parabola whose moving average has this position, velocity and acceleration now.
+        times = PERIOD * np.arange(_AVERAGED)[:, None]  # [s]
+        times -= times.mean()
+        parabola = velocity * times + acceleration * (times**2 - (times**2).mean()) / 2.0
+        self._recent = position + parabola
+        self._input.current_position = self._recent[-1]
+        self._input.current_velocity = velocity + acceleration * times[-1]
+        self._input.current_acceleration = acceleration
+        return True
+
     def brake(self) -> None:
         """From now on stops as fast as the limits allow, whatever was commanded."""
         self._braking = True
@@ -72,10 +105,14 @@ class Smoother:
         """Returns whether it stands still."""
         return bool(np.all(np.ptp(self._recent, axis=0) < 1e-7))
 
-    def step(self) -> np.ndarray:
-        """Returns the position (7) [rad] of the next cycle."""
+    def step(self, cycles: int = 1) -> np.ndarray:
+        """Returns the position (7) [rad] of the next cycle.
+
+        Args:
+            cycles: how many have passed since the last step; more than one if some were lost.
+        """
         limits, request = self._limits, self._input
-        self._since += 1
+        self._since += cycles
         if not self._braking:
             velocity = np.zeros(7)
             if self._since <= _PATIENCE * self._interval:
@@ -93,7 +130,9 @@ class Smoother:
             raise RuntimeError(f"ruckig cannot go on: {result}")
         self._output.pass_to_input(request)
         self._recent = np.vstack((self._recent[1:], self._output.new_position))
-        return self._recent.mean(axis=0)
+        position = self._recent.mean(axis=0)
+        self._sent.append(position)
+        return position
 
     def _current_target(self) -> np.ndarray:
         share = self._since / self._interval if self._interval else 1.0
