@@ -103,7 +103,7 @@ class Smoother:
 
     def at_rest(self) -> bool:
         """Returns whether it stands still."""
-        return bool(np.all(np.ptp(self._recent, axis=0) < 1e-7))
+        return bool(np.all(np.ptp(self._recent, axis=0) < 1e-9))
 
     def step(self, cycles: int = 1) -> np.ndarray:
         """Returns the position (7) [rad] of the next cycle.

@@ -53,9 +53,7 @@ class Rig:
     def __init__(self) -> None:
         self.hand, self.lcm, self.reports, self.statuses = FakeHand(), DrakeLcm("memq://"), [], []
         self.driver = dut.HandDriver(self.hand, self.lcm, channels=LcmConfig(), report=self.reports.append)
-        self.lcm.Subscribe(
-            "PANDA_HAND_STATUS", lambda data: self.statuses.append(lcmt_schunk_wsg_status.decode(data))
-        )
+        self.lcm.Subscribe("PANDA_HAND_STATUS", lambda data: self.statuses.append(lcmt_schunk_wsg_status.decode(data)))
         self.utime = 0
 
     def command(self, width_mm: float, force: float = 40.0) -> None:

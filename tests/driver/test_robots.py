@@ -1,7 +1,7 @@
 """Of the vendors' packages: what can be had without a robot. Nothing here speaks the FER's protocol (version 5)."""
 
-import socket
-import threading
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -18,7 +18,9 @@ from pace_drake.driver.hand import FrankaHand
 NOBODY = "127.0.99.99"  # no robot listens there
 
 
-@pytest.mark.parametrize("robot", [fr3.Fr3(NOBODY, realtime=False), fer.Fer(NOBODY, realtime=False), FrankaHand(NOBODY)])
+@pytest.mark.parametrize(
+    "robot", [fr3.Fr3(NOBODY, realtime=False), fer.Fer(NOBODY, realtime=False), FrankaHand(NOBODY)]
+)
 def test_nobody_there(robot):
     with pytest.raises(ConnectionLost) as raised:
         robot.connect()
@@ -34,40 +36,33 @@ def test_all_modes_are_known(robot):
     ("module", "make"), [("pylibfranka", fr3.Fr3), ("panda_py", fer.Fer), ("panda_py", FrankaHand)]
 )
 def test_an_absent_package_is_named_with_the_extra(monkeypatch, module, make):
-    import sys
-
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=r"pace_drake\[driver\]"):
         make(NOBODY)
 
 
-def answer_version(version: int) -> tuple[str, threading.Thread]:
-    """Answers one connection as a robot of another version does; returns its address."""
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    address = f"127.0.99.{version}"
-    listener.bind((address, 1337))
-    listener.listen(1)
-
-    def answer() -> None:
-        connection, _ = listener.accept()
-        header = connection.recv(100)[:8]
-        # Command and id as asked, size 16, status 1 (incompatible version), version.
-        connection.sendall(header + (16).to_bytes(4, "little") + bytes([1, 0, version, 0]))
-        connection.close()
-        listener.close()
-
-    thread = threading.Thread(target=answer, daemon=True)
-    thread.start()
-    return address, thread
+#: Answers one connection as a robot of another version does. A process, since libfranka holds Python's lock meanwhile.
+ANSWER = """
+import socket, sys
+listener = socket.create_server((sys.argv[1], 1337))
+print("ready", flush=True)
+connection, _ = listener.accept()
+header = connection.recv(100)[:8]
+# Command and id as asked, size 16, status 1 (incompatible version), version.
+connection.sendall(header + (16).to_bytes(4, "little") + bytes([1, 0, int(sys.argv[2]), 0]))
+"""
 
 
 @pytest.mark.parametrize(("make", "version"), [(fr3.Fr3, 5), (fer.Fer, 10)])
 def test_a_robot_of_the_other_version_is_an_error_and_no_reason_to_try_again(make, version):
-    address, thread = answer_version(version)
-    with pytest.raises(InputError, match="(?i)version"):
-        make(address, realtime=False).connect()
-    thread.join(timeout=5.0)
+    address = f"127.0.99.{version}"
+    with subprocess.Popen([sys.executable, "-c", ANSWER, address, str(version)], stdout=subprocess.PIPE) as other:
+        try:
+            assert other.stdout.readline() == b"ready\n"
+            with pytest.raises(InputError, match="(?i)version"):
+                make(address, realtime=False).connect()
+        finally:
+            other.kill()
 
 
 class FakeLibfranka:
