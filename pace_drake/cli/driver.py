@@ -1,6 +1,7 @@
 """``pace driver``: the driver between LCM and a Franka robot."""
 
 import signal
+import sys
 import threading
 from typing import TYPE_CHECKING
 
@@ -85,6 +86,8 @@ def command(
     from pace_drake.driver.hand import HandDriver
     from pace_drake.driver.robot import ConnectionLost
 
+    # A thread that wants Python's lock gets it after this time: the arm must not wait for the hand for 5 ms, the default.
+    sys.setswitchinterval(1e-4)
     stop = _Stop()
     driver = ArmDriver(arm, lcm, limits, channels=channels, config=config, report=_report)
     stopping = lambda: stop.signal is not None  # noqa: E731

@@ -163,7 +163,7 @@ class HandDriver:
         Args:
             stopping: whether to stop.
         """
-        connected, reported = False, False
+        connected, reported, due = False, False, time.monotonic()
         while not stopping():
             try:
                 if not connected:
@@ -172,7 +172,8 @@ class HandDriver:
                         self._report("connected to the hand again")
                     connected, reported = True, False
                 self.step()
-                time.sleep(_PERIOD)
+                due = max(due + _PERIOD, time.monotonic())
+                time.sleep(max(0.0, due - time.monotonic()))
             except ConnectionLost as error:
                 connected, self._last = False, None
                 if not reported:

@@ -17,7 +17,7 @@ EPOCH = 1_700_000_000.0  # [s] wall clock when the robot's clock is 0
 
 
 class FakeRobot:
-    """Meets ``pace_drake.driver.robot.Robot``. ``each_cycle`` is called before every state and may raise what it likes."""
+    """Meets ``pace_drake.driver.robot.Robot``. ``each_cycle`` is called before every state and may raise."""
 
     def __init__(self, each_cycle: Callable[[], None] = lambda: None) -> None:
         self.q = START.copy()

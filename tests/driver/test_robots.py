@@ -59,7 +59,7 @@ def test_a_robot_of_the_other_version_is_an_error_and_no_reason_to_try_again(mak
     with subprocess.Popen([sys.executable, "-c", ANSWER, address, str(version)], stdout=subprocess.PIPE) as other:
         try:
             assert other.stdout.readline() == b"ready\n"
-            with pytest.raises(InputError, match="(?i)version"):
+            with pytest.raises(InputError, match=r"(?i)version"):
                 make(address, realtime=False).connect()
         finally:
             other.kill()
@@ -122,7 +122,7 @@ def test_fer_control_passes_states_and_positions_and_ends():
 @pytest.mark.parametrize("call", [lambda robot: robot.control(None), lambda robot: robot.recover()])
 def test_fer_tells_an_aborted_motion_from_a_lost_connection(call):
     error = RuntimeError("libfranka: Move command aborted:\n motion aborted by reflex!")
-    with pytest.raises(MotionAborted, match="^Move command aborted: motion aborted by reflex!$"):
+    with pytest.raises(MotionAborted, match=r"^Move command aborted: motion aborted by reflex!$"):
         call(fer_with(error=error)[0])
     with pytest.raises(ConnectionLost, match="Timeout"):
         call(fer_with(error=error, reachable=False)[0])
