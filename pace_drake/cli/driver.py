@@ -86,7 +86,7 @@ def command(
     from pace_drake.driver.hand import HandDriver
     from pace_drake.driver.robot import ConnectionLost
 
-    # A thread that wants Python's lock gets it after this time: the arm must not wait for the hand for 5 ms, the default.
+    # A thread that wants Python's lock gets it after this time. With the default, 5 ms, the hand hardly gets a turn.
     sys.setswitchinterval(1e-4)
     stop = _Stop()
     driver = ArmDriver(arm, lcm, limits, channels=channels, config=config, report=_report)
@@ -97,11 +97,10 @@ def command(
         hand_driver = HandDriver(fingers, open_lcm(channels), channels=channels, report=_report)
         hand_thread = threading.Thread(target=hand_driver.run, args=[stopping], daemon=True)
         hand_thread.start()
-    _report(f"driving the {robot} at {ip} on {lcm_url}; Ctrl-C stops")
     try:
         driver.run(stopping)
     except ConnectionLost as error:
-        raise InputError(f"no robot at {ip} ({error}): check --ip and that FCI is active") from error
+        raise InputError(f"no robot at {ip} ({error}): check --ip, --robot, and that FCI is active") from error
     finally:
         stop.signal = stop.signal or signal.SIGTERM
         if hand_thread is not None:

@@ -78,6 +78,7 @@ class ArmDriver:
         """
         self._stopping = stopping
         self._robot.connect()
+        self._report("connected to the robot; holding its position until a command comes")
         delay = 0.0
         while True:
             try:

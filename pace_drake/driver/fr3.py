@@ -40,6 +40,8 @@ class Fr3:
         config = self._package.RealtimeConfig
         try:
             self._robot = self._package.Robot(self._ip, config.kEnforce if self._realtime else config.kIgnore)
+        except self._package.RealtimeException as error:
+            raise InputError(f"{one_line(error)} --no-realtime does without.") from error
         except self._package.NetworkException as error:
             raise ConnectionLost(one_line(error)) from error
         except (RuntimeError, self._package.FrankaException) as error:
@@ -64,7 +66,7 @@ class Fr3:
                 command.motion_finished = finished
                 motion.writeOnce(command)
         except package.RealtimeException as error:
-            raise InputError(f"{one_line(error)}; --no-realtime does without a real-time kernel") from error
+            raise InputError(f"{one_line(error)} --no-realtime does without.") from error
         except package.NetworkException as error:
             raise ConnectionLost(one_line(error)) from error
         except (package.ControlException, package.CommandException, package.InvalidOperationException) as error:

@@ -134,3 +134,17 @@ def test_fer_wants_a_realtime_kernel_unless_told_otherwise():
         pytest.skip("there is one")
     with pytest.raises(InputError, match="--no-realtime"):
         robot.control(lambda state, period: ([0.0] * 7, True))
+
+
+def test_fr3_without_a_realtime_kernel_says_what_to_do():
+    robot = fr3.Fr3(NOBODY)
+    real = robot._package
+
+    def refuse(ip: str, config) -> None:
+        assert config == real.RealtimeConfig.kEnforce
+        raise real.RealtimeException("libfranka: Running kernel does not have realtime capabilities.")
+
+    names = ("RealtimeConfig", "RealtimeException", "NetworkException", "FrankaException")
+    robot._package = SimpleNamespace(Robot=refuse, **{name: getattr(real, name) for name in names})
+    with pytest.raises(InputError, match=r"capabilities. --no-realtime does without"):
+        robot.connect()
