@@ -1,5 +1,6 @@
 """``pace driver``: the driver between LCM and a Franka robot."""
 
+import gc
 import signal
 import sys
 import threading
@@ -88,6 +89,8 @@ def command(
 
     # A thread that wants Python's lock gets it after this time. With the default, 5 ms, the hand hardly gets a turn.
     sys.setswitchinterval(1e-4)
+    # What has been imported is no garbage; to look through it takes longer than the robot waits.
+    gc.freeze()
     stop = _Stop()
     driver = ArmDriver(arm, lcm, limits, channels=channels, config=config, report=_report)
     stopping = lambda: stop.signal is not None  # noqa: E731

@@ -8,10 +8,11 @@ from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ru
 from pace_drake.driver.limits import UsableLimits
 from pace_drake.driver.robot import PERIOD
 
-_AVERAGED = 10  # cycles of the moving average
+#: Weights of the moving average: 10 ms, taken twice.
+_WEIGHTS = np.convolve(np.full(10, 0.1), np.full(10, 0.1))
 _STREAM = 0.05  # [s] commands further apart are steps
 _ON_THE_WAY = 3  # positions sent that the robot may be at
-_SAME = 1e-6  # [rad] the robot reports in single precision
+_SAME = 1.5e-6  # [rad] the robot reports in single precision; and goes so far astray when one command is late
 _PATIENCE = 1.5  # how many intervals between commands pass before the sender counts as standing still
 
 
@@ -23,9 +24,10 @@ class Smoother:
        stop at its target, and so keeps up with the stream instead of lagging by that way. (ruckig can be given a
        velocity to arrive with; tried, it swings to and fro whenever it is a little ahead.)
     3. ruckig takes one step of the fastest motion that stops at the target.
-    4. A moving average over 10 ms takes away the acceleration that alternates at the rate of the commands. It
-       keeps all limits, since an average of permitted values is permitted, and the one near position limits
-       as well, which is concave.
+    4. A moving average over 10 ms, taken twice, takes away the acceleration that alternates at the rate of the
+       commands, and leaves so little jerk that a single lost or late command is made up for within the limits. It
+       keeps all limits, since an average of permitted values is permitted, and the one near position limits as well,
+       which is concave.
 
     When a command is lost on its way, the robot goes on with constant acceleration. From where it says it is then,
     and no longer where it was sent, the motion must go on: see `follow`.
@@ -44,7 +46,7 @@ class Smoother:
         self._input.max_acceleration = limits.acceleration
         self._input.max_jerk = limits.jerk
         self._input.current_position = self._input.target_position = position
-        self._recent = np.tile(np.asarray(position, dtype=float), (_AVERAGED, 1))
+        self._recent = np.tile(np.asarray(position, dtype=float), (len(_WEIGHTS), 1))
         self._sent: deque[np.ndarray] = deque([np.array(position, dtype=float)], _ON_THE_WAY)
         self._target = self._commanded = np.array(position, dtype=float)
         self._velocity = np.zeros(7)  # [rad/s] of the target
@@ -86,9 +88,9 @@ class Smoother:
         velocity = np.clip(velocity, -self._limits.velocity, self._limits.velocity)
         acceleration = np.clip(acceleration, -self._limits.acceleration, self._limits.acceleration)
         # The parabola whose moving average has this position, velocity and acceleration now.
-        times = PERIOD * np.arange(_AVERAGED)[:, None]  # [s]
-        times -= times.mean()
-        parabola = velocity * times + acceleration * (times**2 - (times**2).mean()) / 2.0
+        times = PERIOD * np.arange(len(_WEIGHTS))[:, None]  # [s]
+        times -= _WEIGHTS @ times
+        parabola = velocity * times + acceleration * (times**2 - _WEIGHTS @ times**2) / 2.0
         self._recent = position + parabola
         self._input.current_position = self._recent[-1]
         self._input.current_velocity = velocity + acceleration * times[-1]
@@ -130,7 +132,7 @@ class Smoother:
             raise RuntimeError(f"ruckig cannot go on: {result}")
         self._output.pass_to_input(request)
         self._recent = np.vstack((self._recent[1:], self._output.new_position))
-        position = self._recent.mean(axis=0)
+        position = _WEIGHTS @ self._recent
         self._sent.append(position)
         return position
 
