@@ -73,6 +73,7 @@ def test_after_a_reflex_it_reports_recovers_and_moves_on_a_new_near_command_only
     assert "the motion was aborted: cartesian_reflex" in text
     assert "the robot is in reflex; recovery in 1 s" in text
     assert "recovered; holding the measured position" in text
+    assert "the last one: the robot is not under control" in text
     assert "first command is 0.200 rad from the measured position" in text
 
 

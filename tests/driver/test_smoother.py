@@ -81,10 +81,23 @@ def test_a_stream_is_followed_closely_and_without_overshoot(limits):
             smoother.command(commanded, 1e-3 * cycle)
         path.append(smoother.step())
         lag.append(np.abs(path[-1] - commanded).max())
-    assert max(lag) < 0.005
+    assert max(lag) < 0.004
     assert np.max(path[-1] - START) <= 0.3 + 1e-6
     np.testing.assert_allclose(path[-1], START + 0.3, atol=1e-7)
     check_limits(np.array(path), limits)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_stream_that_ends_at_a_limit_does_not_pass_it(sign):
+    usable = FER.usable()
+    end = usable.upper if sign > 0 else usable.lower
+    smoother = dut.Smoother(usable, end - 0.4 * sign)
+    path = []
+    for cycle in range(2000):
+        if cycle % 5 == 0 and cycle <= 400:
+            smoother.command(end - sign * (0.4 - 1e-3 * cycle), 1e-3 * cycle)
+        path.append(smoother.step())
+    assert np.max(sign * (np.array(path) - end)) < 1e-6
 
 
 def test_the_last_command_is_held():
