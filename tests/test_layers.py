@@ -13,6 +13,7 @@ LAYERS = [
     ["errors", "files", "graphviz", "ports", "resources"],
     ["dtw", "statechart", "task", "observation", "perception", "safety"],
     ["demos", "lcm"],
+    ["driver"],
     ["stations"],
     ["scenario"],
     ["policies", "people"],

@@ -14,7 +14,7 @@ class _Verbs(click.Group):
     _modules = (
         *("run", "train", "export", "sweep", "thresholds", "timeline", "view", "diagram"),
         *("scenarios", "demos", "tune", "evaluate", "chart"),
-        *("bridge", "replay", "hand", "operator"),
+        *("bridge", "replay", "driver", "hand", "operator"),
     )
 
     def list_commands(self, ctx: click.Context) -> list[str]:

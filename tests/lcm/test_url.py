@@ -1,4 +1,5 @@
 import ast
+import re
 import sys
 import types
 import warnings
@@ -10,6 +11,7 @@ from pydrake.lcm import DrakeLcm
 from pace_drake.errors import InputError
 from pace_drake.lcm import url as dut
 from pace_drake.lcm.config import LcmConfig
+from tests.network import own_url
 
 UDPM = "udpm://239.255.76.67:7699?ttl=0"  # never opened: every test below puts a stand-in or a refusal before it
 
@@ -124,6 +126,13 @@ def test_scan_finds_network_lcm(source: str) -> None:
 
 def test_no_test_uses_network_lcm() -> None:
     tests = Path(__file__).parents[1]
-    files = [path for path in tests.rglob("*.py") if path != Path(__file__)]
+    # Tests that need a network get their URL from tests/network.py, the next test's subject.
+    allowed = {Path(__file__), tests / "network.py"}
+    files = [path for path in tests.rglob("*.py") if path not in allowed]
     assert tests / "conftest.py" in files
     assert {str(path): lines for path in files if (lines := network_lcm(path.read_text()))} == {}
+
+
+def test_the_url_for_tests_stays_on_this_machine() -> None:
+    assert re.fullmatch(r"udpm://239\.255\.76\.67:\d+\?ttl=0", own_url())
+    assert len(network_lcm((Path(__file__).parents[1] / "network.py").read_text())) == 1
