@@ -1,11 +1,8 @@
 """The driver as a process of its own, against simulated robots by others, over LCM. Nothing here measures a time."""
 
 import contextlib
-import os
 import signal
-import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,57 +12,11 @@ import pytest
 from drake import lcmt_panda_status, lcmt_schunk_wsg_command, lcmt_schunk_wsg_status
 
 from tests.driver.fake import make_command
-from tests.network import own_url, why_not
+from tests.peers.processes import FRANKA, FRANKY, answers, available, driver, franka_sim, franky_sim, running
 
 pytestmark = [pytest.mark.slow, pytest.mark.hardware]
 
-CHECKOUT = Path(__file__).parents[2]
-FRANKY, FRANKA = CHECKOUT / ".venv-franky", CHECKOUT / ".venv-franka"
 MOVE, REFLEX = lcmt_panda_status.kMove, lcmt_panda_status.kReflex
-
-
-def free_address(number: int) -> str:
-    """Returns an address of this machine on which nobody is a robot: the port is always 1337."""
-    for attempt in range(50):
-        address = f"127.0.{number}.{(os.getpid() + attempt) % 250 + 1}"
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            with contextlib.suppress(OSError):
-                probe.bind((address, 1337))
-                return address
-    pytest.skip("no free address for a simulated robot")
-
-
-@contextlib.contextmanager
-def running(command: list[str], log: Path, ready: Callable[[], bool]) -> Iterator[subprocess.Popen]:
-    """Runs a process until the end of the block, which begins when it is ready."""
-    environment = {name: value for name, value in os.environ.items() if name != "DRAKE_ALLOW_NETWORK"}
-    with log.open("w") as out, subprocess.Popen(command, stdout=out, stderr=out, env=environment) as process:
-        try:
-            until(lambda: process.poll() is not None or ready(), 60.0)
-            assert process.poll() is None, log.read_text()[-2000:]
-            yield process
-        finally:
-            process.terminate()
-            try:
-                process.wait(timeout=10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-
-
-def until(condition: Callable[[], bool], timeout: float) -> bool:
-    end = time.monotonic() + timeout
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
-
-
-def answers(address: str) -> bool:
-    with contextlib.suppress(OSError), socket.create_connection((address, 1337), timeout=1.0):
-        return True
-    return False
 
 
 class Sender:
@@ -125,41 +76,30 @@ class Sender:
 
 
 @contextlib.contextmanager
-def driven(peer: list[str], address: str, folder: Path, *options: str) -> Iterator[tuple[Sender, subprocess.Popen]]:
+def driven(peer: tuple[list[str], str], url: str, folder: Path) -> Iterator[tuple[Sender, subprocess.Popen]]:
     """Runs a simulated robot and the driver on it."""
-    pytest.importorskip("pylibfranka", reason="needs the extra 'driver'")
-    pytest.importorskip("panda_py", reason="needs the extra 'driver'")
-    url = own_url()
-    if reason := why_not(url):
-        pytest.skip(reason)
-    driver = [sys.executable, "-m", "pace_drake.cli.main", "driver", "--robot", "fr3", "--ip", address]
-    driver += ["--lcm-url", url, "--no-realtime", *options]
+    command, address = peer
     sender = Sender(url)
     with (
-        running(peer, folder / "peer.log", lambda: answers(address)),
-        running(driver, folder / "driver.log", lambda: sender.listen(0.05) or sender.mode == MOVE) as process,
+        running(command, folder / "peer.log", lambda: answers(address)),
+        running(
+            driver(address, url), folder / "driver.log", lambda: sender.listen(0.05) or sender.mode == MOVE
+        ) as process,
     ):
         yield sender, process
 
 
 @pytest.fixture
 def franky(tmp_path: Path) -> Iterator[tuple[Sender, subprocess.Popen]]:
-    if not (FRANKY / "installed").exists():
-        pytest.skip("franky-sim is not installed: make peers")
-    address = free_address(101)
-    peer = [str(FRANKY / "bin/franky-sim"), "-s", "mujoco", "--hostname", address]
-    with driven(peer, address, tmp_path) as both:
+    url = available(FRANKY)
+    with driven(franky_sim(), url, tmp_path) as both:
         yield both
 
 
 @pytest.fixture
 def franka(tmp_path: Path) -> Iterator[tuple[Sender, subprocess.Popen]]:
-    if not ((FRANKY / "installed").exists() and (FRANKA / "installed").exists()):
-        pytest.skip("franka-sim is not installed: make peers")
-    address = free_address(102)
-    script = str(CHECKOUT / "tests/peers/start_franka_sim.py")
-    peer = [str(FRANKA / "bin/python"), script, address, str(FRANKY)]
-    with driven(peer, address, tmp_path) as both:
+    url = available(FRANKY, FRANKA)
+    with driven(franka_sim(), url, tmp_path) as both:
         yield both
 
 
