@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from drake import lcmt_panda_command, lcmt_panda_status
@@ -43,6 +43,10 @@ class CommandCheck:
     """[rad] largest distance between a measured position and the command before it."""
     tracking_rms: float = 0.0
     """[rad]"""
+    driver: float = 0.0
+    """[rad] largest distance between the position that the driver asks of the robot and the command before it."""
+    driver_rms: float = 0.0
+    """[rad]"""
     wrong: list[str] = field(default_factory=list)
     """One line for each command that is none: not seven joints, not finite, another control mode."""
 
@@ -54,9 +58,8 @@ class CommandCheck:
 
     def to_json(self) -> dict:
         """For summary.json."""
-        names = ("num_commands", "num_streams", "velocity", "acceleration", "jerk", "start", "tracking", "tracking_rms")
         position = self.position if np.isfinite(self.position) else None
-        return {"kept": self.kept, "position": position, **{name: getattr(self, name) for name in names}}
+        return {"kept": self.kept, **asdict(self), "position": position}
 
 
 def check_commands(messages: Iterable[LoggedMessage], config: LcmConfig) -> CommandCheck:
@@ -68,7 +71,8 @@ def check_commands(messages: Iterable[LoggedMessage], config: LcmConfig) -> Comm
     """
     found = CommandCheck()
     streams: list[list[np.ndarray]] = []
-    last_time, measured, squares = -np.inf, None, []
+    last_time, measured = -np.inf, None
+    squares: dict[str, list[float]] = {"tracking": [], "driver": []}
     for message in messages:
         if message.channel == config.panda_status_channel:
             try:
@@ -79,9 +83,11 @@ def check_commands(messages: Iterable[LoggedMessage], config: LcmConfig) -> Comm
                 continue
             measured = np.array(status.joint_position)
             if streams and message.time - last_time < NEW_STREAM:
-                error = float(np.max(np.abs(measured - streams[-1][-1])))
-                squares.append(error**2)
-                found.tracking = max(found.tracking, error)
+                for name, joints in (("tracking", status.joint_position), ("driver", status.joint_position_desired)):
+                    if len(joints) == NUM_JOINTS:
+                        error = float(np.max(np.abs(np.array(joints) - streams[-1][-1])))
+                        squares[name].append(error**2)
+                        setattr(found, name, max(getattr(found, name), error))
         elif message.channel == config.panda_command_channel:
             command = lcmt_panda_command.decode(message.data)
             position = np.array(command.joint_position)
@@ -104,7 +110,8 @@ def check_commands(messages: Iterable[LoggedMessage], config: LcmConfig) -> Comm
             streams[-1].append(position)
             last_time = message.time
     found.num_streams = len(streams)
-    found.tracking_rms = float(np.sqrt(np.mean(squares))) if squares else 0.0
+    for name, values in squares.items():
+        setattr(found, f"{name}_rms", float(np.sqrt(np.mean(values))) if values else 0.0)
     for stream in streams:
         _examine(found, np.array(stream), config)
     return found

@@ -173,10 +173,10 @@ class _Run:
     def _prepare(self, session: "Session", interrupt: _Interrupt) -> None:
         """Finds the robot and checks it."""
         try:
-            session.connect()
             # What is alive now stays alive: to look through it again and again would make the arm wait.
             gc.collect()
             gc.freeze()
+            session.connect()
             while session.time < _WATCHING_TIME and not interrupt.pressed:
                 session.step()
             self._check(session)
@@ -294,8 +294,11 @@ class _Run:
             self._say(
                 f"{commands.num_commands} commands, {'all' if commands.kept else 'NOT ALL'} within the limits: at most "
                 f"{100 * commands.velocity:.0f} % of velocity, {100 * commands.acceleration:.0f} % of acceleration, "
-                f"{100 * commands.jerk:.0f} % of jerk; first command {commands.start:.1e} rad from measured; tracking "
-                f"error {1e3 * commands.tracking_rms:.1f} mrad rms, {1e3 * commands.tracking:.1f} at most"
+                f"{100 * commands.jerk:.0f} % of jerk; first command {commands.start:.1e} rad from measured"
+            )
+            self._say(
+                f"joint error {1e3 * commands.tracking_rms:.1f} mrad rms, {1e3 * commands.tracking:.1f} at most; of "
+                f"what the driver asks of the robot: {1e3 * commands.driver_rms:.1f} rms, {1e3 * commands.driver:.1f}"
             )
         if session.begun:
             events = read_events(self.out / "events.csv")

@@ -118,7 +118,7 @@ def command(
         console.print("nothing would have been commanded: nobody gave leave in the log (--acknowledge SECONDS does)")
         return
     status = [message for message in messages if message.channel == config.panda_status_channel]
-    check = check_commands(sorted([*status, *sent]), config)
+    check = check_commands(sorted([*status, *sent], key=lambda message: message.time), config)
     console.print(
         f"{len(sent)} commands, {'all' if check.kept else 'NOT ALL'} within the limits: at most "
         f"{100 * check.velocity:.0f} % of velocity, {100 * check.acceleration:.0f} % of acceleration",

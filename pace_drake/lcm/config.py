@@ -56,7 +56,7 @@ class LcmConfig:
     """[rad] within which a held position is where the arm is."""
     join_speed: float = 0.1
     """[-] share of the velocity limits with which the arm is led to its path."""
-    join_range: float = 1.0
+    join_range: float = 2.0
     """[rad] largest way of a joint to its path."""
     gripper_force: float = 40.0
     """[N] grasp force when closing."""

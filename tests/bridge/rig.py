@@ -45,6 +45,8 @@ class TamperedLcm:
 class Rig:
     """See the module; ``lines`` is what the session told, ``messages`` the log."""
 
+    real_person = False
+
     def __init__(self, scenario, people, motions, *, start=None, policy="phase_threshold", skew=0.0) -> None:
         self.scenario = scenario
         queue = DrakeLcm("memq://")
@@ -65,6 +67,7 @@ class Rig:
             scenario,
             self.policy,
             link,
+            real_person=self.real_person,
             people=people,
             motions=motions,
             clock=clock,
