@@ -1,6 +1,7 @@
 """The ``pace`` command: groups the verbs and turns user errors into one line and exit code 2."""
 
 import sys
+import warnings
 
 import click
 
@@ -34,8 +35,15 @@ def pace() -> None:
     """Proactive robot assistance: simulate, train and evaluate when a robot should go and help."""
 
 
+def _warn(message: Warning | str, category: type[Warning], *_: object) -> None:
+    """A warning as everything else that goes wrong: one line, without a place in the source."""
+    if issubclass(category, UserWarning):
+        print(f"pace: warning: {message}", file=sys.stderr)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point. Exits with 0, with 2 for input that cannot be used, with 130 after Ctrl-C."""
+    warnings.showwarning = _warn  # type: ignore[assignment]
     try:
         code = pace.main(args=arguments, prog_name="pace", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:

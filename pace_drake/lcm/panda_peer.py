@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 from drake import lcmt_panda_command, lcmt_panda_status, lcmt_schunk_wsg_command, lcmt_schunk_wsg_status
-from pydrake.lcm import DrakeLcm
 
 from pace_drake.lcm.config import LcmConfig
+from pace_drake.lcm.link import Lcm
 
 START_UTIME = 1_700_000_000_000_000  # [us] the peer's clock at construction; nothing like a context time
 LOW_PASS = 30.0  # [Hz] cutoff of the driver's filter of commanded positions
@@ -38,13 +38,14 @@ class PandaPeer:
 
     def __init__(
         self,
-        lcm: DrakeLcm,
+        lcm: Lcm,
         position: np.ndarray,
         *,
         config: LcmConfig | None = None,
         status_rate: float = 200.0,
         width: float = 0.08,
         expiry: float = 0.1,
+        start_utime: int = START_UTIME,
     ) -> None:
         """Subscribes to the commands.
 
@@ -55,6 +56,7 @@ class PandaPeer:
             status_rate: status messages per second [Hz].
             width: initial width between the fingers [m].
             expiry: largest |clock - utime| of a command [s].
+            start_utime: its wall clock at construction [us].
         """
         self.position = np.array(position, dtype=float)
         self.velocity = np.zeros(7)
@@ -71,6 +73,7 @@ class PandaPeer:
         self._lcm = lcm
         self._config = config or LcmConfig()
         self._expiry = round(1e6 * expiry)  # [us]
+        self._start_utime = start_utime
         self._status_period = round(1e6 / status_rate)  # [us]
         self._elapsed = 0  # [us]
         self._next_status = 0  # [us]
@@ -86,7 +89,7 @@ class PandaPeer:
 
     def wall_clock(self) -> float:
         """Returns the peer's wall clock [s]: the clock that stamps commands in ``HardwareStation``."""
-        return 1e-6 * (START_UTIME + self._elapsed)
+        return 1e-6 * (self._start_utime + self._elapsed)
 
     def hold(self) -> None:
         """Forgets the last command and holds the position, as a driver does that has been started anew."""
@@ -123,7 +126,7 @@ class PandaPeer:
 
     def _publish_status(self) -> None:
         message = lcmt_panda_status()
-        message.utime = START_UTIME + self._elapsed
+        message.utime = self._start_utime + self._elapsed
         message.num_joints = 7
         message.joint_position = self.position.tolist()
         message.joint_position_desired = self._target.tolist()
@@ -139,7 +142,7 @@ class PandaPeer:
 
     def _publish_hand_status(self) -> None:
         message = lcmt_schunk_wsg_status()
-        message.utime = START_UTIME + self._elapsed
+        message.utime = self._start_utime + self._elapsed
         message.actual_position_mm = 1e3 * self.width
         # The TRI hand driver reports this speed for any motion.
         message.actual_speed_mm_per_s = 5.0 if abs(1e-3 * self._hand_command[0] - self.width) > 1e-9 else 0.0
@@ -149,7 +152,7 @@ class PandaPeer:
     def _handle_command(self, data: bytes) -> None:
         command = lcmt_panda_command.decode(data)
         if (
-            abs(START_UTIME + self._elapsed - command.utime) > self._expiry
+            abs(self._start_utime + self._elapsed - command.utime) > self._expiry
             or command.control_mode_expected != lcmt_panda_status.CONTROL_MODE_POSITION
             or (command.num_joint_position, command.num_joint_velocity, command.num_joint_torque) != (7, 0, 0)
         ):
