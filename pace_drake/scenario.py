@@ -88,6 +88,9 @@ class Scenario:
     """[s] for which the prepared robot waits for the person; the paper: for ever."""
     max_decisions: int = 200
     """An episode with more decisions is truncated."""
+    max_time: float = 1800.0
+    """[s] simulated, after which an episode is truncated, such as one in which a hand that rests near the robot's path
+    holds the robot for good."""
     observation: str = "paper"
     """What policies see: ``none``, ``paper``, ``fused`` or ``history`` (pace_drake.observation)."""
     policy: str = "learned"
@@ -170,7 +173,7 @@ class Scenario:
         check_observation(self.observation)
         require(self.human.seed >= 0, "human.seed", f"must be >= 0, is {self.human.seed}")
         require(self.max_decisions > 0, "max_decisions", f"must be > 0, is {self.max_decisions}")
-        for name in ("decision_timeout", "wait_timeout"):
+        for name in ("decision_timeout", "wait_timeout", "max_time"):
             value = getattr(self, name)
             require(isfinite(value) and value > 0, name, f"must be > 0 [s], is {value}")
 

@@ -24,6 +24,9 @@ class Stop(Enum):
 #: A share of a period: an event at a multiple must not be missed by rounding.
 _ROUNDING = 1e-6
 
+#: [-] speed scale under which the robot is held rather than slowed; near a hand that rests it may creep on for long.
+_HELD = 0.05
+
 #: Called as ``listener(simulation, before)`` right before (True) and right after (False) the updates of an event.
 Listener = Callable[["Simulation", bool], None]
 
@@ -63,6 +66,9 @@ class Simulation:
         self.context: Context = self.simulator.get_mutable_context()
         self.listeners = listeners
         self.num_decisions = 0
+        self.truncation: str | None = None
+        """Why the last ``run`` was truncated; None if it was not."""
+        self._begin = 0.0
         self._external = assembly.decision is None
         self._reactive = [
             (system, system.GetMyMutableContextFromRoot(self.context), system.AllocateDiscreteVariables())
@@ -134,6 +140,7 @@ class Simulation:
             sink.FindMutableLog(self.context).Clear()
         self.simulator.Initialize()
         self.num_decisions = 0
+        self._begin, self.truncation = time, None
         self._at_event, self._asked = True, False
 
     def decide(self, assist: int) -> None:
@@ -206,6 +213,7 @@ class Simulation:
     def run(
         self,
         max_decisions: int | None = None,
+        max_time: float | None = None,
         observe: Callable[[], None] | None = None,
         period: float = 10.0,
     ) -> bool:
@@ -213,20 +221,37 @@ class Simulation:
 
         Args:
             max_decisions: truncates; None takes the scenario's.
+            max_time: [s] from the episode's start, truncates; None takes the scenario's.
             observe: called every ``period``, and once more at the end; it must not change the context.
             period: [s] also between looks at the number of decisions.
 
         Returns:
-            True if it finished, False if it was truncated.
+            True if it finished, False if it was truncated; ``truncation`` then says why.
         """
-        limit = self.assembly.scenario.max_decisions if max_decisions is None else max_decisions
+        scenario = self.assembly.scenario
+        limit = scenario.max_decisions if max_decisions is None else max_decisions
+        longest = scenario.max_time if max_time is None else max_time
+        end, free = self._begin + longest, self.time
         while self.num_decisions <= limit:
-            stop = self.advance(self.time + period)
+            stop = self.advance(min(self.time + period, end))
             if observe is not None:
                 observe()
             if stop == Stop.FINISHED:
                 return True
+            if not self._held():
+                free = self.time
+            if self.time >= end:
+                self.truncation = f"after {longest:g} s"
+                if free < self.time:
+                    who = "stopped, waiting for ack," if self._latched() else "held by the hand"
+                    self.truncation += f"; the robot was {who} for the last {self.time - free:.0f} s"
+                return False
+        self.truncation = f"after {limit} decisions"
         return False
+
+    def _held(self) -> bool:
+        """Whether a safety monitor keeps the robot where it is."""
+        return self.assembly.safety_monitor is not None and bool(self.output("speed_scale")[0] < _HELD)
 
     def _led(self) -> float:
         """[s] when the safety monitor last led the motion to another pace, or a motion began."""

@@ -218,6 +218,28 @@ def test_never_assisting_is_truncated(chair, chair_people):
     simulation.reset(simulation.sample_episode(np.random.default_rng(0)))
     assert simulation.run(max_decisions=20) is False
     assert not simulation.finished
+    assert simulation.truncation == "after 20 decisions"
+
+
+def test_an_episode_is_truncated_after_so_much_simulated_time(chair, chair_people):
+    scenario = replace(chair, max_time=50.0)
+    simulation = Simulation(Assembly(scenario, make_policy("never_assist", chair), people=chair_people))
+    episode = simulation.sample_episode(np.random.default_rng(0))
+    for begin, limit in ((0.0, None), (7.0, None), (7.0, 31.5)):
+        simulation.reset(episode, time=begin)
+        assert simulation.run(max_time=limit) is False
+        assert simulation.time == begin + (limit or 50.0)
+        assert simulation.truncation == f"after {limit or 50:g} s"
+        assert not simulation.finished
+    simulation.reset(episode)
+    assert simulation.truncation is None
+
+
+def test_an_episode_that_finishes_was_not_truncated(chair, chair_people):
+    simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people))
+    simulation.reset(simulation.sample_episode(np.random.default_rng(0)))
+    assert simulation.run()
+    assert simulation.truncation is None
 
 
 def test_stop_holds_the_robot_and_acknowledgement_resumes_the_same_task(chair, chair_people):

@@ -195,7 +195,7 @@ class _Run:
         mean = mean_result(results)
         self._write_summary(results, mean)
         self._draw()
-        self._print_table(mean, sum(not result.finished for result in results))
+        self._print_table(mean, [result.truncation for result in results if result.truncation is not None])
 
     def _write_replay(self) -> None:
         from pace_drake.evaluate.replay import About, replay_page
@@ -251,7 +251,7 @@ class _Run:
             lambda part: draw_timeline(events, self.scenario.task, title, part),
         )
 
-    def _print_table(self, mean: dict, num_truncated: int) -> None:
+    def _print_table(self, mean: dict, truncations: list[str]) -> None:
         task = self.scenario.task
         what = r"idle time \[s]" if self.episodes == 1 else rf"mean idle time over {self.episodes} episodes \[s]"
         joints = enumerate(task.human_index_of_joint, start=1)
@@ -271,8 +271,7 @@ class _Run:
                 f"at most {1e3 * done['largest_error']:.1f} mm off the middle",
                 highlight=False,
             )
-        if num_truncated:
-            self.console.print(
-                f"{num_truncated} of {self.episodes} episodes truncated after {self.scenario.max_decisions} decisions"
-            )
+        if truncations:
+            why = "; ".join(dict.fromkeys(truncations))
+            self.console.print(f"{len(truncations)} of {self.episodes} episodes truncated {why}", highlight=False)
         self.console.print(f"run folder: {self.out}", highlight=False, soft_wrap=True)

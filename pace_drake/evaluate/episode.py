@@ -28,6 +28,7 @@ class EpisodeResult:
         real_time_factor: simulated over wall time.
         phase_rmse: root mean square error of the phase at the decisions made during non-joint actions, against the
             true linear progress; None if there were none.
+        truncation: why it was truncated; None if it was not, and of a mean.
     """
 
     robot_idle: tuple[float, ...]
@@ -38,6 +39,7 @@ class EpisodeResult:
     duration: float
     real_time_factor: float
     phase_rmse: float | None
+    truncation: str | None = None
 
     def to_json(self) -> dict:
         """Idle times keyed by the 1-based joint action, and their total."""
@@ -102,6 +104,7 @@ def run_episode(
         duration=simulation.time,
         real_time_factor=simulation.time / wall,
         phase_rmse=float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
+        truncation=simulation.truncation,
     )
 
 

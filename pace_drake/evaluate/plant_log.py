@@ -1,5 +1,6 @@
 """What the plant did at every step of an episode, and whether the arm stayed within its limits."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,10 +37,16 @@ class PlantLog:
     speed_scale: np.ndarray | None = None
 
     @classmethod
-    def of(cls, simulation: Simulation) -> "PlantLog":
-        """Takes the log of the episode that has been run."""
+    def of(cls, simulation: Simulation, *, copy: bool = True) -> "PlantLog":
+        """Takes the log of the episode that has been run.
+
+        Args:
+            simulation: of an assembly that was logged.
+            copy: whether the log outlasts the present instant; without, its samples are the simulation's own, and must
+                not be used once that goes on. An episode's are 4 MB.
+        """
         logs = {name: sink.FindLog(simulation.context) for name, sink in simulation.assembly.plant_log.items()}
-        data = {name: log.data().T.copy() for name, log in logs.items()}
+        data = {name: np.array(log.data().T, copy=copy or None) for name, log in logs.items()}
         return cls(
             time=logs["position_desired"].sample_times().copy(),
             position_desired=data["position_desired"],
@@ -93,12 +100,17 @@ def check_limits(log: PlantLog, station: PlantStation) -> LimitsKept:
     velocity = np.array([joint.velocity_upper_limit() for joint in joints])
     acceleration = np.array([joint.acceleration_upper_limit() for joint in joints])
     step = station.workcell.time_step
-    reached = np.abs(np.diff(log.velocity, axis=0)) / step
+
+    def largest(share: Callable[[int], np.ndarray]) -> float:
+        # Joint by joint: what is worked out for all seven at once takes a multiple of the log's memory.
+        return max(float(np.max(share(k))) for k in range(NUM_ARM_JOINTS))
+
+    q, v = log.position.T, log.velocity.T
     return LimitsKept(
-        position=float(np.min(np.minimum(log.position - lower, upper - log.position))),
-        velocity=float(np.max(np.abs(log.velocity) / velocity)),
-        acceleration=float(np.max(reached / acceleration)),
-        tracking=float(np.max(np.abs(log.position - log.position_desired))),
+        position=-largest(lambda k: np.maximum(lower[k] - q[k], q[k] - upper[k])),
+        velocity=largest(lambda k: np.abs(v[k]) / velocity[k]),
+        acceleration=largest(lambda k: np.abs(np.diff(v[k])) / step / acceleration[k]),
+        tracking=largest(lambda k: np.abs(q[k] - log.position_desired[:, k])),
         penetration=float(np.max(log.contact[:, 0])),
         self_contacts=int(np.count_nonzero(log.contact[:, 1])),
     )

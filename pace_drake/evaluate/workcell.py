@@ -187,8 +187,7 @@ def play_workcell(
         task.listeners = (again,)
         task.reset(with_durations(episode, recorder.commands))
         task.run()
-        log = PlantLog.of(plant)
-        limits = check_limits(log, station)
+        limits, hand_distance, slowed = _look(plant, station)
         side = component_index(station.workcell, ActionKind.PREPARE, 1)
         assert side is not None
         placed = station.workcell.chair_side_placed.to_rigid_transform()
@@ -206,11 +205,25 @@ def play_workcell(
             ),
             keys_taken=int(np.count_nonzero(plant.output("key_taken"))),
             limits=limits,
-            hand_distance=None if log.hand_distance is None else float(log.hand_distance.min()),
-            slowed=None if log.speed_scale is None else float(np.mean(log.speed_scale < 1)),
+            hand_distance=hand_distance,
+            slowed=slowed,
             same_decisions=recorder.decisions == again.decisions,
             memory=psutil.Process().memory_info().rss,
         )
+
+
+def _look(plant: Simulation, station: PlantStation) -> tuple[LimitsKept, float | None, float | None]:
+    """Limits, least distance of hand and arm [m], share of the looks at which the arm was slowed [-].
+
+    The log is looked at where it lies and not held: copies of it, one of them through the next episode, are what made
+    the process grow.
+    """
+    log = PlantLog.of(plant, copy=False)
+    return (
+        check_limits(log, station),
+        None if log.hand_distance is None else float(log.hand_distance.min()),
+        None if log.speed_scale is None else float(np.mean(log.speed_scale < 1)),
+    )
 
 
 def summarize(played: list[WorkcellEpisode], num_joint_actions: int) -> dict:

@@ -69,6 +69,11 @@ class Leg:
     velocities: np.ndarray
     """(n, 7) [rad/s]"""
 
+    def lasting(self, duration: float) -> "Leg":
+        """The same way in another time [s]."""
+        slower = duration / self.times[-1]
+        return Leg(slower * self.times, self.positions, self.velocities / slower)
+
 
 class LegPlanner:
     """Plans legs in a scene. The same arguments give the same leg.

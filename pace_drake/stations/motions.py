@@ -339,19 +339,25 @@ class _Planner:
         prepared = self._prepared(1)
         chain = _Chain(self, "joint action 1", prepared.q, self._closed(side))
         leg = self.legs.plan("joint action 1", [prepared, over, at], load, arrive=True)
-        # The leg takes its share of the time; the person comes before it and goes after it.
-        unit = leg.times[-1] / (CARRY_END - CARRY_BEGIN)
+        let_go = Load("", (), ("chair_base", PLACED_SIDE), w.gripper_release)
+        away = self.legs.plan("joint action 1", [at, over], let_go)
+        # Carrying takes its share of the time; the person comes before it and goes after it. By then the robot is out
+        # of the way: the person's next action may begin where it let go.
+        unit = max(
+            leg.times[-1] / (CARRY_END - CARRY_BEGIN),
+            (chain.grip_time(w.gripper_release) + away.times[-1]) / (1 - CARRY_END),
+        )
         chain.wait(CARRY_BEGIN * unit)
-        chain.follow(leg)
-        chain.wait((1 - CARRY_END) * unit - chain.grip(w.gripper_release))
+        chain.follow(leg.lasting((CARRY_END - CARRY_BEGIN) * unit))
+        waited = chain.grip(w.gripper_release)
+        chain.follow(away.lasting((1 - CARRY_END) * unit - waited))
         return chain.finish()
 
     def _leave_side(self) -> Motion:
         w = self.workcell
-        load = Load("", ("chair_base", PLACED_SIDE), (), w.gripper_release)
-        over, at = self._placed(load)
-        chain = _Chain(self, "homing 1", at.q, w.gripper_release)
-        chain.move([at, over, self.home], load, leave=True)
+        over, _ = self._placed(Load("", ("chair_base", PLACED_SIDE), (), w.gripper_release))
+        chain = _Chain(self, "homing 1", over.q, w.gripper_release)
+        chain.move([over, self.home], Load("", (), (), w.gripper_release))
         chain.grip(w.gripper_open, during=True)
         return chain.finish()
 
@@ -530,19 +536,26 @@ class _Chain:
         if duration > 0:
             self._append(np.array([self._now + duration]), self._positions[-1][-1:], np.zeros((1, NUM_ARM_JOINTS)))
 
+    def _change(self, width: float) -> float:
+        """[s] in which the gripper comes to the width [m]."""
+        return abs(width - self._widths[-1]) / self._planner.workcell.gripper_speed
+
+    def grip_time(self, width: float) -> float:
+        """[s] that ``grip`` would wait."""
+        return self._change(width) + self._planner.workcell.grip_time
+
     def grip(self, width: float, *, during: bool = False) -> float:
         """Changes the gripper's width [m] and waits for it; ``during``: instead in the second half of the last leg.
 
         Returns:
             [s] that the arm waited.
         """
-        w = self._planner.workcell
-        change = abs(width - self._widths[-1]) / w.gripper_speed
+        change = self._change(width)
         if during:
             begin, waited = (self._begin + self._now) / 2, 0.0
             change = min(change, self._now - begin)
         else:
-            begin, waited = self._now, change + w.grip_time
+            begin, waited = self._now, self.grip_time(width)
             self.wait(waited)
         self._width_times += [begin, begin + change]
         self._widths += [self._widths[-1], width]

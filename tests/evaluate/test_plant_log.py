@@ -1,11 +1,16 @@
 """PlantLog and check_limits, on made-up logs: each figure is that of what was passed, and nothing else."""
 
+import tracemalloc
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+from pace_drake.diagram import FULL_LOG, Assembly
 from pace_drake.evaluate.plant_log import PlantLog, check_limits
+from pace_drake.policies.factory import make_policy
+from pace_drake.simulation import Simulation
+from pace_drake.stations.motions import plan_motions
 from pace_drake.stations.plant import make_plant_station
 from pace_drake.stations.workcell import Workcell
 
@@ -16,11 +21,24 @@ SPEED = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
 ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 STEP = Workcell().time_step
 STEPS = 20
+LOGGED = ("time", "position_desired", "position", "velocity", "gripper", "contact")
 
 
 @pytest.fixture(scope="module")
 def station():
     return make_plant_station(Workcell())
+
+
+@pytest.fixture(scope="module")
+def logged_simulation(chair, chair_people):
+    """A second of an episode."""
+    workcell = chair.workcell
+    motions = plan_motions(workcell, chair.task.num_robot_tasks, chair.task.num_joint_actions)
+    parts = {"station": make_plant_station(workcell), "motions": motions, "people": chair_people}
+    simulation = Simulation(Assembly(chair, make_policy("never_assist", chair), **parts, logged=FULL_LOG))
+    simulation.reset(simulation.sample_episode(np.random.default_rng(0)))
+    simulation.advance(1.0)
+    return simulation
 
 
 @pytest.fixture
@@ -41,6 +59,29 @@ def changed(log, name, step, column, value):
     array = getattr(log, name).copy()
     array[step, column] = value
     return replace(log, **{name: array})
+
+
+def test_limits_are_checked_in_a_fraction_of_the_log_s_memory(station, still):
+    """Else the heap grows by every episode that is longer than those before."""
+    steps = 20_000
+    log = PlantLog(**{name: np.repeat(getattr(still, name)[:1], steps, axis=0) for name in LOGGED})
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        check_limits(log, station)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak - before < log.position.nbytes
+
+
+def test_a_log_that_is_not_a_copy_is_the_simulation_s_own(logged_simulation):
+    own, other, copied = (PlantLog.of(logged_simulation, copy=copy) for copy in (False, False, True))
+    assert len(own.time) > 10
+    for name in ("position_desired", "position", "velocity", "gripper", "contact", "hand_distance", "speed_scale"):
+        assert np.shares_memory(getattr(own, name), getattr(other, name))
+        assert not np.shares_memory(getattr(own, name), getattr(copied, name))
+        np.testing.assert_array_equal(getattr(own, name), getattr(copied, name))
 
 
 def test_an_arm_at_rest_keeps_every_limit(station, still):

@@ -1,5 +1,6 @@
 """play_workcell: a short assembly with the whole plant, its figures, and that they can be bad."""
 
+import gc
 import json
 from dataclasses import replace
 
@@ -22,7 +23,7 @@ from pace_drake.evaluate.workcell import (
 )
 from pace_drake.policies.factory import make_policy
 from pace_drake.scenario import load_scenario
-from pace_drake.simulation import Simulation
+from pace_drake.simulation import Simulation, Stop
 from pace_drake.stations.motions import plan_motions
 from pace_drake.stations.plant import make_plant_station
 from pace_drake.task import ActionKind, Episode
@@ -120,6 +121,14 @@ def test_a_cube_moved_away_makes_the_sort_bad(simulations):
     sort = recorder.sorts[0]
     assert not sort.good
     assert sort.error == pytest.approx(0.02, abs=0.01)
+
+
+def test_no_log_is_held_through_the_next_episode(simulations, monkeypatch):
+    plant, task = simulations
+    monkeypatch.setattr(plant, "run", lambda: plant.advance(1.0) == Stop.FINISHED)
+    episodes = play_workcell(plant, task, seed=0, numbers=[0, 1])
+    assert not next(episodes).finished
+    assert not [one for one in gc.get_objects() if isinstance(one, PlantLog)]
 
 
 @pytest.mark.slow

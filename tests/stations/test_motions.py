@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pace_drake.errors import InputError
 from pace_drake.stations import motions as motions_module
 from pace_drake.stations.components import component_index, components
+from pace_drake.stations.joint_paths import CARRY_BEGIN, CARRY_END
 from pace_drake.stations.layout import sample_layout
 from pace_drake.stations.legs import LegPlanner, Load, Via
 from pace_drake.stations.motions import plan_motions
@@ -208,7 +209,7 @@ def test_prepared_and_end_poses_are_the_configured_ones(library, scene):
     lifted = RigidTransform([0.0, 0.0, workcell.release_gap]) @ workcell.chair_side_placed.to_rigid_transform()
     expected = {
         (ActionKind.PREPARE, 1): workcell.chair_side_prepared.to_rigid_transform() @ X_OG,
-        (ActionKind.JOINT, 1): lifted @ X_OG,
+        (ActionKind.JOINT, 1): RigidTransform([0.0, 0.0, workcell.approach_height]) @ lifted @ X_OG,
     }
     for index, k in ((2, 0), (3, 1), (4, 0)):
         expected[ActionKind.PREPARE, index] = workcell.presentations[k].prepared.to_rigid_transform()
@@ -217,6 +218,31 @@ def test_prepared_and_end_poses_are_the_configured_ones(library, scene):
         error = X_WG.InvertAndCompose(scene.gripper_pose(library.position(kind, index, 1.0)))
         assert np.linalg.norm(error.translation()) < 5e-4
         assert error.rotation().ToAngleAxis().angle() < 5e-3
+
+
+def test_the_chair_s_side_is_put_down_let_go_and_left_within_the_joint_action(library, scene):
+    """The person's next action may lead the hand to where the gripper was, as soon as the joint action ends."""
+    workcell, kind = Workcell(), ActionKind.JOINT
+    side = components(workcell)[4]
+    X_WO = RigidTransform([0.0, 0.0, workcell.release_gap]) @ workcell.chair_side_placed.to_rigid_transform()
+    placed = (X_WO @ side.grasp.X_OG(side.grasp.yaws[0])).translation()
+
+    def off(share):
+        return np.linalg.norm(scene.gripper_pose(library.position(kind, 1, share)).translation() - placed)
+
+    prepared = library.position(kind, 1, 0.0)
+    np.testing.assert_allclose(library.position(kind, 1, CARRY_BEGIN), prepared, atol=1e-6)
+    assert np.max(np.abs(library.position(kind, 1, CARRY_BEGIN + 0.1) - prepared)) > 0.01
+    assert off(CARRY_END - 0.05) > 1e-3  # the carrying takes its whole share, as the person's hand does
+    assert off(CARRY_END) < 1e-3
+    closed = library.gripper_width(kind, 1, CARRY_END)
+    assert closed < side.grasp.width
+    # It rests there until the gripper is open.
+    shares = np.linspace(CARRY_END, 1.0, 200)
+    widths = np.array([library.gripper_width(kind, 1, share) for share in shares])
+    assert widths[-1] == workcell.gripper_release
+    assert max(off(share) for share in shares[widths < workcell.gripper_release]) < 1e-3
+    assert off(1.0) == pytest.approx(workcell.approach_height, abs=1e-3)
 
 
 def test_planning_is_deterministic_and_kept_on_disk(library, tmp_path, monkeypatch):
