@@ -2,8 +2,8 @@
 
 A process of its own stands for the robot: it publishes 200 status messages a second over LCM, on this machine alone,
 and notes when commands arrive. It is OURS and no robot. This process answers: first with the least that can be, the
-same command at once for each status, then with ``pace bridge``'s session while a collaboration runs. A status is answered if
-a command arrives before the next status is sent. Ratios are to the first row, measured in one run.
+same command at once for each status, then with ``pace bridge``'s session while a collaboration runs. A status is
+answered if a command arrives before the next one is sent. Ratios are to the first row, measured in one run.
 """
 
 import json

@@ -114,6 +114,7 @@ class Scenario:
         """Raises InputError that names the field if the scenario cannot be used."""
         self.task.validate()
         self.safety.validate()
+        self.lcm.validate()
         names = [action.name for action in self.task.human_actions if not action.joint]
         for group in ("estimator", "elapsed_threshold", "phase_threshold", "remaining_time_threshold"):
             for name in getattr(self, group):

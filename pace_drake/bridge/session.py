@@ -52,6 +52,7 @@ class Session:
         scenario, assembly, station, simulation, loop: what it leads.
         person: the TrackedPerson, None if the person is simulated.
         begun: whether the collaboration has begun.
+        tell: called with each line.
 
     Args:
         scenario: a validated scenario; its ``lcm`` says where the robot is.
@@ -85,7 +86,7 @@ class Session:
         poll_timeout: float = 0.01,
     ) -> None:
         config = scenario.lcm
-        self.scenario, self._config, self._clock, self._tell = scenario, config, clock, tell
+        self.scenario, self._config, self._clock, self.tell = scenario, config, clock, tell
         if scenario.perception != "true_poses":
             raise InputError("perception: hardware has no cameras yet; components must lie at their nominal places")
         self._link = lcm if isinstance(lcm, LcmLink) else LcmLink(lcm)
@@ -272,10 +273,10 @@ class Session:
         # The line itself may hold figures that change all the time.
         what = int(self.simulation.output("trouble")[0]), bool(trouble)
         if trouble and what != self._told[0]:
-            self._tell(f"{'fault' if self.simulation.output('fault')[0] else 'stop'}: {trouble}")
+            self.tell(f"{'fault' if self.simulation.output('fault')[0] else 'stop'}: {trouble}")
         state = self._state(leaf, trouble)
         if state and state != self._told[1]:
-            self._tell(state)
+            self.tell(state)
         self._told = what, state
 
     def _state(self, leaf: str, trouble: str) -> str:

@@ -20,6 +20,7 @@ from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
     from pace_drake.bridge.session import Session
+    from pace_drake.lcm.link import LcmLink
     from pace_drake.people import People
     from pace_drake.policies import Policy
     from pace_drake.scenario import Scenario
@@ -130,7 +131,6 @@ class _Run:
         """Runs the collaboration and writes everything."""
         from pace_drake.bridge.lcm_log import LcmLog
         from pace_drake.bridge.retrace import episode_to_json
-        from pace_drake.bridge.session import Session
         from pace_drake.evaluate.event_log import EventLog
         from pace_drake.files import write_whole
         from pace_drake.lcm.link import LcmLink
@@ -147,19 +147,9 @@ class _Run:
         write_whole(self.out / "scenario.yaml", lambda part: part.write_text(self.scenario.to_yaml(), encoding="utf-8"))
         write_whole(self.out / "episode.json", lambda part: part.write_text(episode, encoding="utf-8"))
         with LcmLog(self.out / "lcm.log") as log, EventLog(self.out / "events.csv") as events:
-            link = LcmLink(lcm, log.write)
-            with self.console.status("planning the robot's motions"):
-                session = Session(
-                    self.scenario,
-                    self.policy,
-                    link,
-                    real_person=self.real_person,
-                    people=self.people,
-                    tell=self._say,
-                )
             interrupt = _Interrupt()
             try:
-                self._prepare(session, interrupt)
+                session = self._prepare(LcmLink(lcm, log.write), interrupt)
                 finished = not interrupt.pressed and self._lead(session, interrupt, events.write)
             finally:
                 interrupt.release()
@@ -170,9 +160,15 @@ class _Run:
 
     # ---- the run
 
-    def _prepare(self, session: "Session", interrupt: _Interrupt) -> None:
-        """Finds the robot and checks it."""
+    def _prepare(self, link: "LcmLink", interrupt: _Interrupt) -> "Session":
+        """Finds the robot and checks it; where it is not ready, nothing is left of the attempt."""
+        from pace_drake.bridge.session import Session
+
         try:
+            with self.console.status("planning the robot's motions"):
+                session = Session(
+                    self.scenario, self.policy, link, real_person=self.real_person, people=self.people, tell=self._say
+                )
             # What is alive now stays alive: to look through it again and again would make the arm wait.
             gc.collect()
             gc.freeze()
@@ -181,9 +177,9 @@ class _Run:
                 session.step()
             self._check(session)
         except InputError:
-            # Nothing has happened that would be worth keeping.
             shutil.rmtree(self.out)
             raise
+        return session
 
     def _lead(self, session: "Session", interrupt: _Interrupt, write: Callable[..., None]) -> bool:
         """Leads the session to its end; whether the collaboration finished."""
@@ -258,9 +254,10 @@ class _Run:
 
     @staticmethod
     def _hold(session: "Session") -> None:
-        """Stops the arm on its path, and waits until it is at rest."""
+        """Stops the arm on its path, and waits until it is at rest; nobody is asked to let it go on."""
         from pace_drake.lcm.types import lcmt_pace_operator
 
+        session.tell = lambda line: None
         session.press(lcmt_pace_operator.STOP)
         end = session.time + _REST_TIME
         settled = session.time + 0.1

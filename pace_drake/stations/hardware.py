@@ -264,7 +264,8 @@ class LcmLoop:
             if self._stalled_port is not None:
                 self._stalled_port.FixValue(context, self.stalled)
             now -= late
-        tick = round(now / self._period) * self._period
+        # A tick waits half a period for its status: other messages, and one's own that come back, end the wait, too.
+        tick = math.floor(now / self._period + (0.5 if num_status else -0.5)) * self._period
         if num_status:
             self._time_offset -= _LOCK_GAIN * (now - tick)
         # A clock that steps back (it should not) stops the diagram for a while; it cannot run backwards.

@@ -6,8 +6,7 @@ from pace_drake.stations.motions import plan_motions
 from tests.bridge.rig import Rig
 
 
-@pytest.fixture(scope="session")
-def parts():
+def make_parts():
     """A scenario with short human actions, its people and its motions."""
     short = [
         setting
@@ -21,6 +20,12 @@ def parts():
     task = scenario.task
     motions = plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
     return scenario, load_people(scenario), motions
+
+
+@pytest.fixture(scope="session")
+def parts():
+    """See ``make_parts``."""
+    return make_parts()
 
 
 @pytest.fixture
