@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from pace_drake.lcm.types import lcmt_pace_operator
 from pace_drake.people import People
 from pace_drake.policies import Policy
 from pace_drake.safety.command_gate import GateMode
-from pace_drake.safety.joint_limits import JOINT_LIMITS, NUM_JOINTS
 from pace_drake.scenario import Scenario
 from pace_drake.simulation import Listener, Simulation
 from pace_drake.stations.hardware import HardwareStation, LcmLoop
@@ -25,20 +23,6 @@ from pace_drake.task import Episode
 
 #: [s] between two reactions of the collaboration's logic.
 REACTION_PERIOD = 0.01
-#: [rad] between postures at which the straight way to the path is looked at.
-_WAY_STEP = 0.02
-#: [m] that the arm keeps on it.
-_WAY_CLEARANCE = 0.005
-
-
-@dataclass(frozen=True)
-class Check:
-    """One thing that must be right before the arm may move."""
-
-    name: str
-    good: bool
-    found: str
-    """What was found, and what to do if it is not good."""
 
 
 class Session:
@@ -50,6 +34,8 @@ class Session:
 
     Attributes:
         scenario, assembly, station, simulation, loop: what it leads.
+        home: (7) [rad] where the motions begin.
+        scene: what is in the arm's way.
         person: the TrackedPerson, None if the person is simulated.
         begun: whether the collaboration has begun.
         tell: called with each line.
@@ -92,9 +78,8 @@ class Session:
         self._link = lcm if isinstance(lcm, LcmLink) else LcmLink(lcm)
         task = scenario.task
         motions = motions or plan_motions(scenario.workcell, task.num_robot_tasks, task.num_joint_actions)
-        self._home = motions.home
-        self._scene = PlanningScene(scenario.workcell)
-        self.station = HardwareStation(config, self._link, clock=clock, is_free=self.is_free)
+        self.home, self.scene = motions.home, PlanningScene(scenario.workcell)
+        self.station = HardwareStation(config, self._link, clock=clock, is_free=self.scene.is_free)
         self.person: TrackedPerson | None = TrackedPerson(config, self._link) if real_person else None
         self.operator = self.person.operator if self.person else OperatorReceiver(self._link, config.operator_channel)
         self.assembly = Assembly(
@@ -208,63 +193,6 @@ class Session:
         if monitor is not None and monitor.latched(monitor.GetMyContextFromRoot(self._context)):
             return f"the hand was not seen for {self.scenario.safety.hand_timeout:g} s: look after the tracker"
         return ""
-
-    def is_free(self, start: np.ndarray, end: np.ndarray) -> bool:
-        """Whether the arm may be led on a straight line from one position to another, each (7) [rad].
-
-        An arm that already is near something, as when it holds a component, may go where nothing comes nearer.
-        """
-        count = int(np.ceil(np.max(np.abs(end - start)) / _WAY_STEP)) + 1
-        least = min(_WAY_CLEARANCE, self._scene.clearance(start)[0], self._scene.clearance(end)[0]) - 1e-3
-        shares = np.linspace(0.0, 1.0, count)[1:-1]
-        return all(self._scene.clearance(start + share * (end - start))[0] >= least for share in shares)
-
-    def checks(self) -> list[Check]:
-        """What must be right before the arm may move; to be asked after a second of stepping."""
-        config, output = self._config, self.simulation.output
-        status = self.station.status
-        status_context = status.GetMyContextFromRoot(self._context)
-        measured = output("panda.position_measured")
-        limits, names = JOINT_LIMITS[config.robot], [f"joint {k + 1}" for k in range(NUM_JOINTS)]
-        beyond = np.maximum(
-            limits.lower + config.limit_margin - measured, measured - limits.upper + config.limit_margin
-        )
-        way = np.abs(measured - self._home)
-        skew = float(status.GetOutputPort("clock_skew").Eval(status_context)[0])
-        age, mode = float(output("status_age")[0]), int(output("robot_mode")[0])
-        others = self.station.watchdog.num_messages_of_others
-        found = [
-            Check("status", age <= config.status_timeout, f"{1e3 * age:.0f} ms old"),
-            Check("robot mode", mode == 2, "Move" if mode == 2 else f"{mode}, not Move (2): release the robot"),
-            Check("clocks", abs(skew) <= config.max_clock_skew, f"{1e3 * skew:+.0f} ms apart; synchronise them if far"),
-            Check(
-                "nobody else commands",
-                not others,
-                f"{others} messages of another program on {config.panda_command_channel}: stop it" if others else "yes",
-            ),
-            Check(
-                "joint limits",
-                bool(np.all(beyond < 0)),
-                f"{names[int(np.argmax(beyond))]} is nearest, {-np.max(beyond) + config.limit_margin:.2f} rad away",
-            ),
-            Check(
-                "way to the start",
-                bool(np.max(way) <= config.join_range) and self.is_free(measured, self._home),
-                f"{names[int(np.argmax(way))]} has {np.max(way):.2f} rad to go, at most {config.join_range:g}, "
-                "and nothing may stand between",
-            ),
-        ]
-        if self.person is not None:
-            hand_age = float(
-                self.person.GetOutputPort("hand_age").Eval(self.person.GetMyContextFromRoot(self._context))[0]
-            )
-            fresh = hand_age <= self.scenario.safety.hand_timeout
-            found.append(
-                Check(
-                    "hand", fresh, f"{hand_age:.2f} s old" if np.isfinite(hand_age) else "no sample: start the tracker"
-                )
-            )
-        return found
 
     # ---- telling
 

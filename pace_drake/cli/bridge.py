@@ -212,7 +212,9 @@ class _Run:
     def _check(self, session: "Session") -> None:
         from rich.table import Table
 
-        checks = session.checks()
+        from pace_drake.bridge.preflight import preflight
+
+        checks = preflight(session)
         table = Table("", "check", "found", box=None)
         for check in checks:
             table.add_row("[green]ok[/green]" if check.good else "[red]no[/red]", check.name, check.found)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import ceil
 
 import numpy as np
 from pydrake.geometry import Box, CollisionFilterDeclaration, GeometryId, GeometrySet, Role
@@ -20,6 +21,9 @@ from pace_drake.stations.plant import NUM_ARM_JOINTS, NUM_FINGERS, add_furniture
 from pace_drake.stations.workcell import Workcell
 
 _MAX_CLEARANCE = 0.03  # [m] distances beyond this are not measured
+_WAY_STEP = 0.02  # [rad] between postures at which a straight way is looked at
+_WAY_CLEARANCE = 0.005  # [m] kept on it
+_TOUCHING = 0.001  # [m] by which something may come nearer to an arm that is near already
 _JOINT_LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits by inverse kinematics
 
 #: Zone of the chair's side once it lies on the rails.
@@ -150,6 +154,16 @@ class PlanningScene:
             return own.split("::")[-1].split("#")[0] if "#" in own else frame
 
         return nearest.distance, f"{name(nearest.id_A)} and {name(nearest.id_B)}"
+
+    def is_free(self, start: np.ndarray, end: np.ndarray) -> bool:
+        """Whether the arm may go on a straight line from one position to another, each (7) [rad].
+
+        An arm that already is near something, as when it holds a component, may go where nothing comes nearer.
+        """
+        count = ceil(np.max(np.abs(end - start)) / _WAY_STEP) + 1
+        least = min(_WAY_CLEARANCE, self.clearance(start)[0], self.clearance(end)[0]) - _TOUCHING
+        shares = np.linspace(0.0, 1.0, count)[1:-1]
+        return all(self.clearance(start + share * (end - start))[0] >= least for share in shares)
 
     def solve_ik(
         self, X_WG: RigidTransform, near: np.ndarray, guess: np.ndarray, clearance: float

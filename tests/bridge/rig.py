@@ -10,6 +10,7 @@ from pydrake.lcm import DrakeLcm
 
 from pace_drake.bridge.command_check import CommandCheck, check_commands
 from pace_drake.bridge.lcm_log import LoggedMessage
+from pace_drake.bridge.preflight import preflight
 from pace_drake.bridge.session import Session
 from pace_drake.lcm.link import LcmLink
 from pace_drake.lcm.panda_peer import PandaPeer
@@ -95,7 +96,7 @@ class Rig:
     def begin(self, *listeners) -> "Rig":
         """Checks, gives leave, and lets the collaboration begin."""
         self.run(0.3)
-        assert all(check.good for check in self.session.checks()), self.session.checks()
+        assert all(check.good for check in preflight(self.session)), preflight(self.session)
         self.session.begin(self.episode, listeners)
         self.session.press(ACKNOWLEDGE)
         return self.run_until(lambda: self.session.begun)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from drake import lcmt_panda_command, lcmt_panda_status, lcmt_schunk_wsg_status
 
+from pace_drake.bridge.preflight import preflight
 from pace_drake.lcm.types import lcmt_pace_operator
 from pace_drake.safety.command_gate import GateMode
 from tests.bridge.rig import ACKNOWLEDGE, STATUS_PERIOD, STOP, Rig
@@ -87,7 +88,7 @@ def test_status_that_stays_late_means_that_the_clocks_differ(parts):
 def test_clock_skew_moves_nothing_and_is_named(parts, skew):
     rig = Rig(*parts, skew=skew)
     rig.run(1.0)
-    failed = [check for check in rig.session.checks() if not check.good]
+    failed = [check for check in preflight(rig.session) if not check.good]
     assert [check.name for check in failed] == ["clocks"]
     rig.session.begin(rig.episode)
     rig.session.press(ACKNOWLEDGE)
@@ -263,7 +264,7 @@ def test_a_second_bridge_refuses_before_it_moves(parts):
     for _ in range(20):
         rig.queue.Publish("PANDA_COMMAND", command.encode())
         rig.run(STATUS_PERIOD)
-    failed = [check for check in rig.session.checks() if not check.good]
+    failed = [check for check in preflight(rig.session) if not check.good]
     assert [check.name for check in failed] == ["nobody else commands"]
     assert "of another program on PANDA_COMMAND: stop it" in failed[0].found
 

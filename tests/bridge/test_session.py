@@ -6,6 +6,7 @@ from drake import lcmt_panda_status
 
 from pace_drake.bridge.lcm_log import LcmLog
 from pace_drake.bridge.playback import Playback
+from pace_drake.bridge.preflight import preflight
 from pace_drake.bridge.retrace import episode_to_json, read_episode, retrace
 from pace_drake.bridge.session import Session
 from pace_drake.errors import InputError
@@ -163,11 +164,11 @@ def test_an_episode_is_written_and_read_to_the_bit(played, tmp_path):
 )
 def test_what_is_not_right_is_named_before_the_arm_moves(rig, spoil, name):
     rig.run(0.3)
-    assert all(check.good for check in rig.session.checks())
+    assert all(check.good for check in preflight(rig.session))
     spoil(rig)
     rig.peer.hold()
     rig.run(0.3)
-    failed = [check for check in rig.session.checks() if not check.good]
+    failed = [check for check in preflight(rig.session) if not check.good]
     assert failed[0].name == name
     assert "\n" not in failed[0].found
 
@@ -177,7 +178,7 @@ def test_an_arm_that_is_too_far_away_does_not_move(parts):
     start[0] += 2.1
     rig = Rig(*parts, start=start)
     rig.run(0.3)
-    failed = [check for check in rig.session.checks() if not check.good]
+    failed = [check for check in preflight(rig.session) if not check.good]
     assert [check.name for check in failed] == ["way to the start"]
     assert failed[0].found.startswith("joint 1 has 2.10 rad to go")
     rig.session.press(ACKNOWLEDGE)
@@ -188,13 +189,13 @@ def test_an_arm_that_is_too_far_away_does_not_move(parts):
 
 def test_a_way_through_something_is_not_free(rig):
     session, start = rig.session, np.array(rig.peer.position)
-    assert session.is_free(start, start)
+    assert session.scene.is_free(start, start)
     lifted = start + np.array([0, -0.2, 0, 0, 0, 0, 0])
-    assert session.is_free(start, lifted)
+    assert session.scene.is_free(start, lifted)
     # From one side of the warehouse table to the other, with the arm stretched out low: through what stands there.
     low = np.array([-1.2, 0.75, 0, -1.75, 0, 2.5, 0.8])
     other = low * np.array([-1, 1, 1, 1, 1, 1, 1])
-    assert not session.is_free(low, other)
+    assert not session.scene.is_free(low, other)
 
 
 def test_an_arm_off_its_start_goes_there_slowly_and_then_begins(parts):
@@ -275,7 +276,7 @@ def test_a_hand_that_is_not_seen_stops_the_arm_until_acknowledged(tracked):
     assert told[-1] == "stop: the hand was not seen for 0.2 s: look after the tracker"
     assert tracked.leaf == "STOPPED"
     assert tracked.session.at_rest
-    assert not next(check for check in tracked.session.checks() if check.name == "hand").good
+    assert not next(check for check in preflight(tracked.session) if check.name == "hand").good
     fraction = tracked.fraction()
     tracked.tracker.silent = False
     tracked.run(0.5)
@@ -291,7 +292,7 @@ def test_without_a_tracker_nothing_moves(parts):
     rig.tracker = Tracker(rig)
     rig.tracker.silent = True
     rig.run(0.5)
-    failed = [check for check in rig.session.checks() if not check.good]
+    failed = [check for check in preflight(rig.session) if not check.good]
     assert [(check.name, check.found) for check in failed] == [("hand", "no sample: start the tracker")]
 
 
