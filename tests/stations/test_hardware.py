@@ -364,6 +364,52 @@ def test_skewed_clock_is_a_fault_that_moves_nothing(clock_skew: float) -> None:
     assert rig.trouble == Trouble.CLOCK
 
 
+def test_a_status_that_is_read_late_is_no_skew(held: Rig) -> None:
+    """A look that comes late makes the clocks seem apart; the least of the last fifty messages counts."""
+    late = lcmt_panda_status.decode(bad_status(held))
+    held.peer.step(0.0)
+    late.utime, late.control_command_success_rate = late.utime - 200_000, 1.0
+    skew = held.station.status.GetOutputPort("clock_skew")
+    context = held.station.status.GetMyContextFromRoot(held.context)
+    held.station.status.inbox.newest, held.station.status.inbox.num_good = (
+        late,
+        held.station.status.inbox.num_good + 1,
+    )
+    held.simulator.AdvanceTo(held.context.get_time() + 0.001)
+    assert skew.Eval(context)[0] == pytest.approx(0.0, abs=0.01)
+    assert held.trouble == Trouble.NONE
+
+
+def test_an_acknowledgement_given_before_the_trouble_does_not_end_it(held: Rig) -> None:
+    held.fix("ack", 1.0)
+    held.run(0.1)
+    held.peer.robot_mode = lcmt_panda_status.kReflex
+    held.run(0.1)
+    held.peer.robot_mode = lcmt_panda_status.kMove
+    held.run(0.1)
+    assert (held.trouble, held.mode) == (Trouble.ROBOT, GateMode.SILENT)
+
+
+def test_no_finger_moves_before_the_arm_is_on_its_path() -> None:
+    rig = Rig(hold(Q0 + 0.3), width=0.02).start()
+    rig.acknowledge()
+    rig.run(0.5)
+    assert rig.mode == GateMode.JOINING
+    assert rig.peer.num_hand_accepted == 0
+    rig.run(4.0)
+    assert rig.peer.num_hand_accepted == 1
+
+
+@pytest.mark.parametrize("phase", [0.3, 0.7])
+def test_the_ticks_settle_on_the_status(phase: float) -> None:
+    """Wherever the clock begins between two status messages, they come to lie on the ticks."""
+    rig = Rig(hold(Q0)).start()
+    rig.loop._time_offset += phase * PERIOD
+    rig.run(1.5)
+    beside = (rig.peer.elapsed() + rig.loop._time_offset) / PERIOD
+    assert abs(beside - round(beside)) < 0.02
+
+
 def test_joint_that_does_not_follow_is_a_fault(held: Rig) -> None:
     rig = Rig(move(Q0, Q0 + 0.5, 2.0)).follow()
     rig.peer.blocked[3] = True
