@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pace_drake.errors import InputError
+from pace_drake.errors import InputError, require
 
 if TYPE_CHECKING:
     from pace_drake.driver.hand import Hand
@@ -68,6 +68,7 @@ def command(
     from pace_drake.lcm.url import open_lcm
     from pace_drake.safety.joint_limits import JOINT_LIMITS
 
+    require(robot in JOINT_LIMITS, "--robot", f"{robot!r} is unknown: choose {' or '.join(JOINT_LIMITS)}")
     limits = usable(JOINT_LIMITS[robot])
     config = DriverConfig(
         status_rate=status_rate,

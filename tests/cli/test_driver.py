@@ -23,7 +23,7 @@ def run_driver(**changes: str) -> subprocess.CompletedProcess:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"--robot": "ur5"}, "robot 'ur5' is unknown: choose fr3 or fer"),
+        ({"--robot": "ur5"}, "--robot: 'ur5' is unknown: choose fer or fr3"),
         ({"--lcm-url": "memq://"}, "memq:// reaches nobody outside the driver"),
         ({"--lcm-url": "http://x"}, "must begin with memq://, udpm://, tcpq://"),
         ({"--status-rate": "50"}, "must be from 200 to 1000 Hz"),
