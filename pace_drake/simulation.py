@@ -21,7 +21,7 @@ class Stop(Enum):
     BOUNDARY = "boundary"
 
 
-#: A share of a period: an event at a multiple must not be missed by rounding.
+#: A share of a period: from a multiple, the next one is a whole period away.
 _ROUNDING = 1e-6
 
 #: [-] speed scale under which the robot is held rather than slowed; near a hand that rests it may creep on for long.
@@ -208,7 +208,13 @@ class Simulation:
         """[s] at which an event of ``time`` [s] is seen."""
         if self.period is None or time == inf:
             return time
-        return ceil(time / self.period - _ROUNDING) * self.period
+        tick = ceil(time / self.period)
+        # The division rounds; an event a hair behind a multiple is seen at the next one, as by who keeps up.
+        while tick * self.period < time:
+            tick += 1
+        while (tick - 1) * self.period >= time:
+            tick -= 1
+        return tick * self.period
 
     def run(
         self,

@@ -329,6 +329,15 @@ def test_an_event_is_seen_at_the_next_multiple_and_not_before(chair, chair_peopl
     np.testing.assert_allclose(np.mod(reactions, 0.5), 0.0, atol=1e-9)
 
 
+def test_an_event_is_seen_at_the_first_multiple_that_is_not_before_it(chair, chair_people):
+    simulation = Simulation(Assembly(chair, people=chair_people), period=0.01)
+    for k in range(5000):
+        tick = k * 0.01
+        assert simulation._seen_at(tick) == tick
+        assert simulation._seen_at(np.nextafter(tick, np.inf)) == (k + 1) * 0.01
+        assert simulation._seen_at(np.nextafter(tick + 0.005, 0.0)) == (k + 1) * 0.01
+
+
 def test_keeping_up_needs_a_period(chair_simulation):
     with pytest.raises(AssertionError, match="needs a period"):
         chair_simulation.keep_up(1.0)

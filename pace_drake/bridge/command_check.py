@@ -1,7 +1,7 @@
 """Were the commands of a run within the limits? Judged from its LCM log alone, independently of what sent them."""
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -126,3 +126,14 @@ def _examine(found: CommandCheck, positions: np.ndarray, config: LcmConfig) -> N
         series = np.diff(series, axis=0) * rate
         share = float(np.max(np.abs(series) / getattr(limits, name)))
         setattr(found, name, max(getattr(found, name), share))
+
+
+def command_differences(recorded: Sequence[LoggedMessage], sent: Sequence[LoggedMessage]) -> np.ndarray:
+    """(n) [rad] largest joint difference of each command sent from those that were recorded around its time."""
+    times = [np.array([message.time for message in messages]) for messages in (recorded, sent)]
+    there, here = (
+        np.array([lcmt_panda_command.decode(message.data).joint_position for message in messages])
+        for messages in (recorded, sent)
+    )
+    at = np.column_stack([np.interp(times[1], times[0], there[:, k]) for k in range(NUM_JOINTS)])
+    return np.max(np.abs(at - here), axis=1)

@@ -1,17 +1,11 @@
 """``pace replay``: the diagram on a recorded LCM log."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from pace_drake.cli.options import set_option
 from pace_drake.errors import InputError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from pace_drake.bridge.lcm_log import LoggedMessage
 
 
 @click.command("replay", short_help="Run the diagram on a recorded LCM log and show what it would have commanded.")
@@ -44,7 +38,7 @@ def command(
     import numpy as np
     from rich.console import Console
 
-    from pace_drake.bridge.command_check import check_commands
+    from pace_drake.bridge.command_check import check_commands, command_differences
     from pace_drake.bridge.lcm_log import read_log
     from pace_drake.bridge.playback import Playback
     from pace_drake.bridge.retrace import read_episode
@@ -126,23 +120,9 @@ def command(
     )
     recorded = [message for message in messages if message.channel == config.panda_command_channel]
     if recorded:
-        difference = _difference(recorded, sent)
+        difference = command_differences(recorded, sent)
         console.print(
             f"against the {len(recorded)} commands in the log: {1e3 * np.median(difference):.1f} mrad in the median, "
             f"{1e3 * np.max(difference):.1f} at most",
             highlight=False,
         )
-
-
-def _difference(recorded: "list[LoggedMessage]", sent: "list[LoggedMessage]") -> "np.ndarray":
-    """(n) [rad] largest joint difference of each command from the recorded ones at its time."""
-    import numpy as np
-    from drake import lcmt_panda_command
-
-    times = [np.array([message.time for message in messages]) for messages in (recorded, sent)]
-    there, here = (
-        np.array([lcmt_panda_command.decode(message.data).joint_position for message in messages])
-        for messages in (recorded, sent)
-    )
-    at = np.column_stack([np.interp(times[1], times[0], there[:, k]) for k in range(there.shape[1])])
-    return np.max(np.abs(at - here), axis=1)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from drake import lcmt_panda_command, lcmt_panda_status
 
-from pace_drake.bridge.command_check import CommandCheck, check_commands
+from pace_drake.bridge.command_check import CommandCheck, check_commands, command_differences
 from pace_drake.bridge.lcm_log import LoggedMessage
 from pace_drake.lcm.config import LcmConfig
 from pace_drake.safety.joint_limits import JOINT_LIMITS
@@ -132,3 +132,9 @@ def test_a_log_without_commands_keeps_all_limits() -> None:
     found = check(status(0.9))
     assert found.kept
     assert found.to_json()["position"] is None
+
+
+def test_commands_are_compared_at_their_times() -> None:
+    recorded = [command(1.0, Q0), command(1.1, Q0 + 0.1)]
+    sent = [command(1.0, Q0), command(1.05, Q0 + 0.05), command(1.1, Q0 + 0.13)]
+    np.testing.assert_allclose(command_differences(recorded, sent), [0.0, 0.0, 0.03], atol=1e-9)
