@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     help="1: in real time; 2: twice.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the episode played.")
-@click.option("--with-robot", is_flag=True, help="Wait for the robot, and press the button when an action is over.")
+@click.option("--with-robot", is_flag=True, help="Begin with the robot, wait for it, and press the button.")
 @set_option
 def command(
     scenario: str,
@@ -49,8 +49,9 @@ def command(
     """Publish the hand of a person who works through the task of SCENARIO once, on its lcm.person_hand_channel.
 
     A stand-in for a tracker. This person does not wait for a robot, and does their part of a joint action as if it were
-    there; with --with-robot they wait until lcm.state_channel says that it is ready, and they say on
-    lcm.operator_channel when they have finished something by themselves. Positions in world [m].
+    there; with --with-robot they begin when lcm.state_channel says that the collaboration has, wait where it says that
+    the robot is not ready, and say on lcm.operator_channel when they have finished something by themselves. Positions
+    in world [m].
     """
     import json
     import time
@@ -76,7 +77,12 @@ def command(
     button.sender, button.event = "pace hand", lcmt_pace_operator.REQUEST
 
     def robot_is_ready(joint: int) -> bool:
-        return not with_robot or (state.newest is not None and state.newest.joint_ready == joint)
+        """Whether it is for joint action l; for 0, whether it has begun to work."""
+        if not with_robot:
+            return True
+        return state.newest is not None and (
+            state.newest.leaf != "READY" if not joint else state.newest.joint_ready == joint
+        )
 
     click.echo(f"{people.description}; on {channels.person_hand_channel}, {url}")
     played = _play(loaded, people, np.random.default_rng([seed, 0]), 1.0 / rate, robot_is_ready)
@@ -104,7 +110,7 @@ def _play(
     period: float,
     robot_is_ready: Callable[[int], bool],
 ) -> "Iterator[tuple[np.ndarray, int]]":
-    """(p_WH (3) [m], human_action) of a person, every ``period`` [s]; asks whether the robot is ready for l."""
+    """(p_WH (3) [m], human_action) of a person, every ``period`` [s]; asks whether the robot is ready for l (0: at all)."""
     from pace_drake.stations.joint_paths import joint_paths
     from pace_drake.systems.human import Human
 
@@ -115,6 +121,8 @@ def _play(
     names = ("p_WH", "human_action", "human_joint", "joints_done")
     p_WH, action, joint, done = (human.GetOutputPort(name) for name in names)
     values = human.AllocateDiscreteVariables()
+    while not robot_is_ready(0):
+        yield p_WH.Eval(context), 1
     k = 0
     while done.Eval(context)[0] < task.num_joint_actions:
         yield p_WH.Eval(context), int(action.Eval(context)[0])

@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 
 from pace_drake.demos import generate_demonstrations, write_demonstrations
 from pace_drake.diagram import Assembly
-from pace_drake.lcm.types import lcmt_pace_hand, lcmt_pace_operator
+from pace_drake.lcm.types import lcmt_pace_hand, lcmt_pace_operator, lcmt_pace_state
 from pace_drake.policies.factory import make_policy
 from pace_drake.systems.tracked_person import TrackedPerson
 from tests.cli.test_run import pace, refused
@@ -110,6 +110,28 @@ def test_a_person_with_a_robot_completes_a_collaboration(lcm, short, monkeypatch
     assert presses == [(lcmt_pace_operator.REQUEST, joint) for joint in range(3)]
     assert joints_done.Eval(own_context)[0] == 3
     assert (assembly.GetOutputPort("human_idle").Eval(context) > 1.0).all()
+
+
+def test_a_person_with_a_robot_keeps_still_until_it_begins(lcm, short, monkeypatch):
+    state = lcmt_pace_state()
+    state.leaf = "READY"
+    samples, ticks = heard(lcm, "PACE_HAND", lcmt_pace_hand), []
+
+    def in_the_meantime(seconds):
+        ticks.append(seconds)
+        state.utime = len(ticks)
+        state.leaf = "READY" if len(ticks) < 50 else "ROBOT_TASK"
+        lcm.Publish("PACE_STATE", state.encode())
+        if len(ticks) == 60:
+            raise KeyboardInterrupt
+        lcm.HandleSubscriptions(0)
+
+    monkeypatch.setattr("time.sleep", in_the_meantime)
+    assert pace("hand", short, *FAST, "--rate", 50, "--with-robot") == 130
+    lcm.HandleSubscriptions(0)
+    places = np.array([sample.p_WH for sample in samples])
+    assert len(np.unique(places[:50], axis=0)) == 1
+    assert len(np.unique(places, axis=0)) > 5
 
 
 def test_an_interrupted_hand_says_how_far_it_came(lcm, short, monkeypatch, capsys):
