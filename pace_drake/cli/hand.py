@@ -110,7 +110,7 @@ def _play(
     period: float,
     robot_is_ready: Callable[[int], bool],
 ) -> "Iterator[tuple[np.ndarray, int]]":
-    """(p_WH (3) [m], human_action) of a person, every ``period`` [s]; asks whether the robot is ready for l (0: at all)."""
+    """(p_WH (3) [m], human_action) of a person, every ``period`` [s]; asks if the robot is ready for l (0: at all)."""
     from pace_drake.stations.joint_paths import joint_paths
     from pace_drake.systems.human import Human
 
