@@ -169,7 +169,9 @@ class _Run:
                 session = Session(
                     self.scenario, self.policy, link, real_person=self.real_person, people=self.people, tell=self._say
                 )
-            # What is alive now stays alive: to look through it again and again would make the arm wait.
+            # What the first look takes longer for is done before the robot is there, and what is alive then stays
+            # alive: to look through it again and again would make the arm wait.
+            session.scene.is_free(session.home, session.home)
             gc.collect()
             gc.freeze()
             session.connect()

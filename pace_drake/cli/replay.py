@@ -65,7 +65,10 @@ def command(
         tracked = any(message.channel == config.person_hand_channel for message in messages)
         person = "lcm" if tracked else "simulated"
 
-    own = (config.panda_command_channel, config.hand_command_channel, config.decision_channel)
+    own = (
+        *(config.panda_command_channel, config.hand_command_channel),
+        *(config.decision_channel, config.state_channel),
+    )
     playback = Playback(messages, own)
     start = playback.clock()
     lines = 0

@@ -49,3 +49,18 @@ def test_what_is_published_is_kept_and_not_heard() -> None:
 
 def test_an_empty_log_is_over() -> None:
     assert Playback([]).over
+
+
+def test_time_in_which_nobody_looked_passes_at_once() -> None:
+    """Nine messages together after half a second were waiting; one alone had not come."""
+    waiting = [0.5 + 3e-5 * k for k in range(9)]
+    playback = Playback(logged(0.0, *waiting))
+    heard: list[bytes] = []
+    playback.Subscribe("A", heard.append)
+    assert playback.HandleSubscriptions(10) == 1
+    assert playback.HandleSubscriptions(10) == 9
+    assert round(playback.clock() - 100.0, 3) == 0.5
+    alone = Playback(logged(0.0, 0.5))
+    alone.Subscribe("A", heard.append)
+    assert [alone.HandleSubscriptions(10) for _ in range(3)] == [1, 0, 0]
+    assert round(alone.clock() - 100.0, 3) == 0.02
