@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import click
 
 from pace_drake.cli.options import set_option
-from pace_drake.cli.run_folder import choose_folder, make_folder
+from pace_drake.cli.outputs import make_folder
+from pace_drake.cli.run_folder import choose_folder
 from pace_drake.cli.tables import idle_table
 from pace_drake.errors import InputError
 

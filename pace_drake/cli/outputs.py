@@ -39,7 +39,7 @@ def check_outputs(json_file: Path | None, out: Path | None) -> None:
 
 
 def make_folder(out: Path) -> None:
-    """Makes the folder of a report.
+    """Makes the folder of a report or a run; last, so that bad input leaves nothing behind.
 
     Raises:
         InputError: it cannot be made.

@@ -20,15 +20,3 @@ def choose_folder(out: Path | None, name: str) -> Path:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
     return out
-
-
-def make_folder(out: Path) -> None:
-    """Makes a folder of ``choose_folder``; last, so that bad input leaves nothing behind.
-
-    Raises:
-        InputError: it cannot be made.
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot make the run folder: {error.strerror}") from error
