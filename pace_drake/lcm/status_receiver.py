@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from drake import lcmt_panda_status, lcmt_schunk_wsg_status
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context
 
 from pace_drake.lcm.inbox import Inbox
+from pace_drake.lcm.inbox_receiver import COUNT, InboxReceiver
 from pace_drake.lcm.link import Lcm
 from pace_drake.ports import declare_output
 from pace_drake.safety.joint_limits import NUM_JOINTS
@@ -17,7 +18,7 @@ from pace_drake.safety.joint_limits import NUM_JOINTS
 #: Status messages over which the difference of the clocks is judged.
 _NUM_SKEWS = 50
 #: Places in the state of the arm's receiver.
-_COUNT, _ARRIVAL, _MODE, _SUCCESS = range(4)
+_MODE, _SUCCESS = 2, 3
 _POSITION, _VELOCITY, _TORQUE = slice(4, 11), slice(11, 18), slice(18, 25)
 _SKEWS = slice(25, 25 + _NUM_SKEWS)
 
@@ -38,44 +39,7 @@ def _wrong_with_gripper(status: Any) -> str:
     return "" if all(math.isfinite(value) for value in values) else "position or speed is not finite"
 
 
-class _Receiver(LeafSystem):
-    """What the receivers have in common: the newest message of an Inbox goes into the state at every step.
-
-    Args:
-        inbox: where the messages arrive.
-        initial: state before the first message; count and arrival [s] stand first.
-    """
-
-    def __init__(self, inbox: Inbox, initial: np.ndarray) -> None:
-        super().__init__()
-        self.inbox = inbox
-        self.DeclareDiscreteState(initial)
-        self.DeclareInitializationDiscreteUpdateEvent(self.Update)
-        self.DeclarePerStepDiscreteUpdateEvent(self.Update)
-        now = {self.xd_ticket(), self.time_ticket()}
-        declare_output(self, "status_age", lambda context: context.get_time() - self._x(context)[_ARRIVAL], now)
-
-    @staticmethod
-    def _x(context: Context) -> np.ndarray:
-        return context.get_discrete_state_vector().value()
-
-    def _declare(self, name: str, places: slice) -> None:
-        size = places.stop - places.start
-        declare_output(self, name, lambda context: self._x(context)[places], {self.xd_ticket()}, size=size)
-
-    def Update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        """Takes in the newest message."""
-        if self.inbox.num_good == self._x(context)[_COUNT]:
-            return
-        x = discrete_state.get_mutable_value(0)
-        x[_COUNT], x[_ARRIVAL] = self.inbox.num_good, context.get_time()
-        self._take(x, self.inbox.newest)
-
-    def _take(self, x: np.ndarray, message: Any) -> None:
-        raise NotImplementedError
-
-
-class PandaStatusReceiver(_Receiver):
+class PandaStatusReceiver(InboxReceiver):
     """The arm's newest ``lcmt_panda_status``.
 
     Duplicates, messages that are older than the newest, and bytes that are no status are dropped (see ``Inbox``). All
@@ -105,12 +69,11 @@ class PandaStatusReceiver(_Receiver):
     """
 
     def __init__(self, lcm: Lcm, channel: str = "PANDA_STATUS", clock: Callable[[], float] = time.time) -> None:
-        initial = np.zeros(_SKEWS.stop)
-        initial[_ARRIVAL], initial[_SKEWS] = -math.inf, math.inf
-        super().__init__(Inbox(lcm, channel, lcmt_panda_status, check=_wrong_with_arm), initial)
+        initial = np.concatenate([np.zeros(_SKEWS.start - _MODE), np.full(_NUM_SKEWS, np.inf)])
+        super().__init__(Inbox(lcm, channel, lcmt_panda_status, check=_wrong_with_arm), initial, "status_age")
         self._clock = clock
         for name, places in (
-            ("num_status", slice(_COUNT, _COUNT + 1)),
+            ("num_status", slice(COUNT, COUNT + 1)),
             ("robot_mode", slice(_MODE, _MODE + 1)),
             ("success_rate", slice(_SUCCESS, _SUCCESS + 1)),
             ("position_measured", _POSITION),
@@ -132,7 +95,7 @@ class PandaStatusReceiver(_Receiver):
         x[_SKEWS.start] = self._clock() - 1e-6 * message.utime
 
 
-class GripperStatusReceiver(_Receiver):
+class GripperStatusReceiver(InboxReceiver):
     """The gripper's newest ``lcmt_schunk_wsg_status``; see ``PandaStatusReceiver``.
 
     Outputs:
@@ -152,7 +115,7 @@ class GripperStatusReceiver(_Receiver):
 
     def __init__(self, lcm: Lcm, channel: str = "PANDA_HAND_STATUS") -> None:
         super().__init__(
-            Inbox(lcm, channel, lcmt_schunk_wsg_status, check=_wrong_with_gripper), np.array([0.0, -math.inf, 0.0, 0.0])
+            Inbox(lcm, channel, lcmt_schunk_wsg_status, check=_wrong_with_gripper), np.zeros(2), "status_age"
         )
         self._declare("state", slice(2, 4))
 

@@ -1,21 +1,20 @@
 """HandReceiver: where a real person's hand is, from a tracker, over LCM."""
 
-from math import dist, inf, isfinite, nan
-from typing import Any
+from math import dist, isfinite
 
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+import numpy as np
 
 from pace_drake.lcm.inbox import Inbox
+from pace_drake.lcm.inbox_receiver import COUNT, InboxReceiver
 from pace_drake.lcm.link import Lcm
 from pace_drake.lcm.types import lcmt_pace_hand
-from pace_drake.ports import declare_output
 
 #: [m] from the world's origin; a hand that is farther away has been measured in other units.
 FARTHEST = 10.0
 #: Samples by which one may come too late to be one out of order; beyond, the tracker has been started anew.
 _REORDERED = 100
 
-_POSITION, _ARRIVAL, _COUNT = slice(0, 3), 3, 4
+_POSITION = slice(2, 5)
 
 
 def wrong_with(sample: lcmt_pace_hand) -> str:
@@ -27,7 +26,7 @@ def wrong_with(sample: lcmt_pace_hand) -> str:
     return ""
 
 
-class HandReceiver(LeafSystem):
+class HandReceiver(InboxReceiver):
     """Takes in the samples of a hand tracker (``lcmt_pace_hand``).
 
     The sequence number of the samples decides their order: duplicates and samples that come after a later one are
@@ -44,7 +43,7 @@ class HandReceiver(LeafSystem):
         num_samples (1): good samples so far; several between two steps count, and the newest of them is put out.
 
     State:
-        [p_WH (3) [m], time of arrival [s], samples].
+        [samples, time of arrival [s], p_WH (3) [m]].
 
     Events:
         update: at initialization and at every step. Outputs depend on state and time only, so that all who read them
@@ -59,9 +58,7 @@ class HandReceiver(LeafSystem):
     """
 
     def __init__(self, lcm: Lcm, channel: str = "PACE_HAND") -> None:
-        super().__init__()
-        self.set_name("hand_receiver")
-        self.inbox = Inbox(
+        inbox = Inbox(
             lcm,
             channel,
             lcmt_pace_hand,
@@ -69,25 +66,10 @@ class HandReceiver(LeafSystem):
             restart=_REORDERED,
             check=wrong_with,
         )
-        initial: Any = [nan, nan, nan, -inf, 0.0]
-        self.DeclareDiscreteState(initial)
-        state = {self.xd_ticket()}
-        declare_output(self, "p_WH", lambda context: self._x(context)[_POSITION], state, size=3)
-        declare_output(
-            self,
-            "hand_age",
-            lambda context: context.get_time() - self._x(context)[_ARRIVAL],
-            state | {self.time_ticket()},
-        )
-        declare_output(self, "num_samples", lambda context: self._x(context)[_COUNT], state)
-        self.DeclareInitializationDiscreteUpdateEvent(self._update)
-        self.DeclarePerStepDiscreteUpdateEvent(self._update)
+        super().__init__(inbox, np.full(3, np.nan), "hand_age")
+        self.set_name("hand_receiver")
+        self._declare("p_WH", _POSITION)
+        self._declare("num_samples", slice(COUNT, COUNT + 1))
 
-    @staticmethod
-    def _x(context: Context) -> Any:
-        return context.get_discrete_state_vector().value()
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        inbox = self.inbox
-        if inbox.num_good != self._x(context)[_COUNT]:
-            values.set_value([*inbox.newest.p_WH, context.get_time(), float(inbox.num_good)])
+    def _take(self, x: np.ndarray, message: lcmt_pace_hand) -> None:
+        x[_POSITION] = message.p_WH
