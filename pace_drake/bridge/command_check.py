@@ -120,7 +120,7 @@ def check_commands(messages: Iterable[LoggedMessage], config: LcmConfig) -> Comm
 def _examine(found: CommandCheck, positions: np.ndarray, config: LcmConfig) -> None:
     """Looks at one stream (n, 7) [rad]."""
     limits, rate = JOINT_LIMITS[config.robot], config.command_rate
-    found.position = min(found.position, float(np.min([positions - limits.lower, limits.upper - positions])))
+    found.position = min(found.position, -float(np.max(limits.beyond(positions))))
     series = np.vstack([np.repeat(positions[:1], 3, axis=0), positions])
     for name in ("velocity", "acceleration", "jerk"):
         series = np.diff(series, axis=0) * rate

@@ -28,9 +28,8 @@ def preflight(session: Session) -> list[Check]:
     config, output, station = session.scenario.lcm, session.simulation.output, session.station
     status_context = station.status.GetMyContextFromRoot(session.simulation.context)
     measured = output("panda.position_measured")
-    limits = JOINT_LIMITS[config.robot]
-    margin = np.minimum(measured - limits.lower, limits.upper - measured) - config.limit_margin
-    nearest = int(np.argmin(margin))
+    beyond = JOINT_LIMITS[config.robot].beyond(measured)
+    nearest = int(np.argmax(beyond))
     way = np.abs(measured - session.home)
     longest = int(np.argmax(way))
     skew = float(station.status.GetOutputPort("clock_skew").Eval(status_context)[0])
@@ -51,8 +50,8 @@ def preflight(session: Session) -> list[Check]:
         ),
         Check(
             "joint limits",
-            bool(margin[nearest] > 0),
-            f"joint {nearest + 1} is nearest, {margin[nearest] + config.limit_margin:.2f} rad away",
+            bool(beyond[nearest] < -config.limit_margin),
+            f"joint {nearest + 1} is nearest, {-beyond[nearest]:.2f} rad away",
         ),
         Check(
             "way to the start",

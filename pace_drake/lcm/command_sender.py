@@ -35,7 +35,7 @@ class PandaCommandSender(LeafSystem):
         gate_mode (1): see ``GateMode``.
         refusal (2): why the last command that was refused was (``Refusal``), and at which joint [1-based]; 0 none.
         num_refusals (1), num_losses (1): how often a command was refused, and time was lost while the arm moved.
-        command (7) [rad], command_velocity (7) [rad/s]: sent last, while gate_mode is not SILENT.
+        command (7) [rad]: sent last, while gate_mode is not SILENT.
 
     State:
         That of the gate (``GateState.vector``), and stalled [s] at the last tick.
@@ -82,7 +82,6 @@ class PandaCommandSender(LeafSystem):
         declare_output(self, "num_refusals", lambda c: self.state(c).num_refusals, state)
         declare_output(self, "num_losses", lambda c: self.state(c).num_losses, state)
         declare_output(self, "command", lambda c: self.state(c).position, state, size=NUM_JOINTS)
-        declare_output(self, "command_velocity", lambda c: self.state(c).velocity, state, size=NUM_JOINTS)
         self.DeclarePeriodicDiscreteUpdateEvent(gate.period, 0.0, self.Update)
 
     @staticmethod

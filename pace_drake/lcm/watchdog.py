@@ -97,21 +97,21 @@ class Watchdog(LeafSystem):
         self._measured, self._command = inputs("position_measured", "command", size=NUM_JOINTS)
         self._stop, self._fault, self._ack = inputs("stop", "fault", "ack")
         seen = {self.all_input_ports_ticket(), self.xd_ticket(), self.time_ticket()}
+        # The others read this one, which Drake works out once for all of them.
+        self._trouble_port = declare_output(self, "trouble", self._calc_trouble, seen)
         declare_output(self, "stop", self._calc_stop, seen)
         declare_output(self, "fault", self._calc_fault, seen)
-        declare_output(self, "trouble", self._trouble, seen)
         self.DeclarePerStepDiscreteUpdateEvent(self.Update)
 
     @staticmethod
     def _optional(port: InputPort, context: Context) -> float:
         return port.Eval(context)[0] if port.HasValue(context) else 0.0
 
-    def _sends(self, context: Context) -> bool:
-        return self._gate_mode.Eval(context)[0] != GateMode.SILENT
-
     def _present(self, context: Context) -> Trouble:
         """What is wrong now, the gravest first."""
         config, mode = self._config, int(self._mode.Eval(context)[0])
+        gate_mode = self._gate_mode.Eval(context)[0]
+        sends = gate_mode != GateMode.SILENT
         _, _, refusals, _, losses = context.get_discrete_state_vector().value()
         age, measured = self._age.Eval(context)[0], self._measured.Eval(context)
         if age == np.inf:
@@ -124,7 +124,7 @@ class Watchdog(LeafSystem):
             return Trouble.NO_STATUS
         if np.any(self._beyond(measured) > 0):
             return Trouble.JOINT_LIMIT
-        if self._sends(context) and np.max(np.abs(self._error(context))) > config.max_tracking_error:
+        if sends and np.max(np.abs(self._error(context))) > config.max_tracking_error:
             return Trouble.TRACKING
         if mode in (lcmt_panda_status.kUserStopped, lcmt_panda_status.kGuiding):
             return Trouble.MODE
@@ -132,9 +132,9 @@ class Watchdog(LeafSystem):
             return Trouble.ROBOT
         if abs(self._skew.Eval(context)[0]) > config.max_clock_skew:
             return Trouble.CLOCK
-        if self._sends(context) and self._success.Eval(context)[0] < config.min_success_rate:
+        if sends and self._success.Eval(context)[0] < config.min_success_rate:
             return Trouble.SUCCESS_RATE
-        return Trouble.NONE if self._gate_mode.Eval(context)[0] == GateMode.FOLLOWING else Trouble.OFF_PATH
+        return Trouble.NONE if gate_mode == GateMode.FOLLOWING else Trouble.OFF_PATH
 
     @property
     def num_messages_of_others(self) -> int:
@@ -143,16 +143,17 @@ class Watchdog(LeafSystem):
 
     def _beyond(self, measured: np.ndarray) -> np.ndarray:
         """(7) [rad] how far beyond the position limits, less the margin, the arm is."""
-        margin = self._config.limit_margin
-        return np.maximum(self._limits.lower + margin - measured, measured - self._limits.upper + margin)
+        return self._limits.beyond(measured, self._config.limit_margin)
 
     def _error(self, context: Context) -> np.ndarray:
         return self._command.Eval(context) - self._measured.Eval(context)
 
-    def _trouble(self, context: Context) -> Trouble:
+    def _calc_trouble(self, context: Context) -> float:
         """The graver of what is latched and what is present."""
-        latched = Trouble(int(context.get_discrete_state_vector().GetAtIndex(0)))
-        return max(latched, self._present(context))
+        return max(context.get_discrete_state_vector().GetAtIndex(0), self._present(context))
+
+    def _trouble(self, context: Context) -> Trouble:
+        return Trouble(int(self._trouble_port.Eval(context)[0]))
 
     def _calc_stop(self, context: Context) -> float:
         off_path = self._gate_mode.Eval(context)[0] != GateMode.FOLLOWING

@@ -276,9 +276,7 @@ class CommandGate:
     def _beyond(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """(7) [rad] how far beyond the position limits the arm would come, if it braked from here on."""
         way = velocity * np.abs(velocity) / (2 * BRAKING_SHARE * self.limits.acceleration)
-        lower, upper = self.limits.lower + self.margin, self.limits.upper - self.margin
-        rest = position + way
-        return np.max([lower - position, position - upper, lower - rest, rest - upper], axis=0)
+        return np.max([self.limits.beyond(at, self.margin) for at in (position, position + way)], axis=0)
 
     def _examine_way(self, start: np.ndarray, end: np.ndarray) -> tuple[Refusal, int]:
         """Why the arm may not be led from ``start`` to ``end``, each (7) [rad]."""

@@ -31,6 +31,10 @@ class JointLimits:
     deceleration: np.ndarray
     """[rad/s^2]"""
 
+    def beyond(self, position: np.ndarray, margin: float = 0.0) -> np.ndarray:
+        """[rad] how far positions (..., 7) [rad] are beyond their limits less a margin [rad]; inside, negative."""
+        return np.maximum(self.lower + margin - position, position - self.upper + margin)
+
 
 def _limits(*rows: Sequence[float]) -> JointLimits:
     return JointLimits(*(np.array(row, dtype=float) for row in rows))
