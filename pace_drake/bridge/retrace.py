@@ -6,7 +6,7 @@ robot, plant or network, reacting at the same instants. Its decisions must be th
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,12 @@ from pace_drake.bridge.session import REACTION_PERIOD
 from pace_drake.diagram import Assembly
 from pace_drake.errors import InputError
 from pace_drake.evaluate.event_log import EventRecorder
+from pace_drake.evaluate.workcell import Command, with_durations
 from pace_drake.people import People
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
 from pace_drake.simulation import Simulation
-from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind, Episode
+from pace_drake.task import ActionKind, Episode
 
 #: Transitions of the chart that end a motion.
 _ENDS = ("r_done", "p_joint", "p_wait", "j_done", "h_next", "h_end", "h_aborted")
@@ -44,7 +45,7 @@ class Retraced:
     @property
     def equal(self) -> bool:
         """Whether all are."""
-        return self.num_equal == self.num_decisions and not self.difference
+        return not self.difference
 
 
 def episode_to_json(episode: Episode) -> dict:
@@ -85,7 +86,13 @@ def retrace(
     if start is None:
         raise InputError("the events hold no start of an episode: the collaboration had not begun")
     decided = [row for row in rows if row["kind"] == "decision"]
-    measured, joint = _durations(rows, episode, scenario)
+    commands = _commands(rows)
+    measured = with_durations(episode, commands)
+    # The robot's part of a joint action takes as long as it took; the person's is drawn.
+    joint = episode.human[[j - 1 for j in scenario.task.human_index_of_joint]]
+    for command in commands:
+        if command.kind == ActionKind.JOINT:
+            joint[command.index - 1] = command.duration
     assembly = Assembly(scenario, policy, people=people)
     repeated: list[dict[str, Any]] = []
 
@@ -118,25 +125,16 @@ def _difference(row: dict[str, str], again: dict[str, Any]) -> str:
     return ""
 
 
-def _durations(rows: list[dict[str, str]], drawn: Episode, scenario: Scenario) -> tuple[Episode, np.ndarray]:
-    """The episode with the durations that the robot's motions took, and (L) [s] of its motions in joint actions."""
-    robot, preparation, homing = drawn.robot.copy(), drawn.preparation.copy(), drawn.homing.copy()
-    joint = drawn.human[[j - 1 for j in scenario.task.human_index_of_joint]].astype(float)
-    places = {
-        ActionKind.PREPARE.name: preparation,
-        ActionKind.JOINT.name: joint,
-        ActionKind.HOME.name: homing,
-        ActionKind.HOME_ABORTED.name: homing,
-    }
-    count, began = 0, None
+def _commands(rows: list[dict[str, str]]) -> list[Command]:
+    """The motions of a run, each once: one that was held and issued again counts from its first command."""
+    commands: list[Command] = []
+    began = None
     for row in rows:
         if row["kind"] == "command" and began is None and row["name"] != ActionKind.HOLD.name:
             began = row
         elif row["kind"] == "reaction" and row["name"] in _ENDS and began is not None:
+            kind, index = ActionKind[began["name"]], int(began["robot_task"] or began["joint_action"])
             duration = float(row["time"]) - float(began["time"]) - _ROUNDING
-            if began["name"] == ActionKind.ROBOT_TASK.name:
-                robot[count % NUM_ROBOT_DRAWS, int(began["robot_task"]) - 1] = duration
-            else:
-                places[began["name"]][int(began["joint_action"]) - 1] = duration
-            count, began = count + 1, None
-    return replace(drawn, robot=robot, preparation=preparation, homing=homing), joint
+            commands.append(Command(kind, index, len(commands) + 1, duration))
+            began = None
+    return commands

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pace_drake.cli.options import set_option
+from pace_drake.cli.options import set_option, with_values
 from pace_drake.cli.outputs import make_folder
 from pace_drake.cli.run_folder import choose_folder
-from pace_drake.cli.tables import idle_table
+from pace_drake.cli.tables import idle_table, joint_names
 from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,12 +73,7 @@ def command(
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
 
-    extra = list(overrides)
-    if lcm_url is not None:
-        extra.append(f"lcm.url={json.dumps(lcm_url)}")
-    if policy is not None:
-        extra.append(f"policy={json.dumps(policy)}")
-    loaded = load_scenario(scenario, tuple(extra))
+    loaded = load_scenario(scenario, with_values(overrides, lcm__url=lcm_url, policy=policy))
     if loaded.lcm.url.startswith("memq"):
         raise InputError("lcm.url is memq, where no robot is: give --lcm-url, such as udpm://239.255.76.67:7667?ttl=0")
     run = _Run(loaded, make_policy(loaded.policy, loaded), person == "lcm", seed, out, yes)
@@ -276,6 +271,7 @@ class _Run:
         from pace_drake.bridge.command_check import check_commands
         from pace_drake.bridge.lcm_log import read_log
         from pace_drake.bridge.retrace import retrace
+        from pace_drake.evaluate.episode import by_joint
         from pace_drake.evaluate.timeline import draw_timeline, read_events
         from pace_drake.files import write_whole
 
@@ -306,17 +302,11 @@ class _Run:
             events = read_events(self.out / "events.csv")
             title = f"{scenario.name}, policy {scenario.policy}, on hardware: {summary['people']}"
             write_whole(self.out / "timeline.png", lambda part: draw_timeline(events, scenario.task, title, part))
-            idle = {
-                name: {
-                    **{str(k + 1): float(value) for k, value in enumerate(session.simulation.output(name))},
-                    "total": float(sum(session.simulation.output(name))),
-                }
-                for name in ("robot_idle", "human_idle")
-            }
+            idle = {name: by_joint(session.simulation.output(name).tolist()) for name in ("robot_idle", "human_idle")}
             summary.update(idle, cost=float(session.simulation.output("cost")[0]))
-            joints = enumerate(scenario.task.human_index_of_joint, start=1)
-            names = {str(key): f"{key} {scenario.task.human_actions[index - 1].name}" for key, index in joints}
-            self.console.print(idle_table(idle, names, rf"idle time \[s], policy {scenario.policy}"))
+            self.console.print(
+                idle_table(idle, joint_names(scenario.task), rf"idle time \[s], policy {scenario.policy}")
+            )
             if not self.real_person:
                 again = retrace(events, scenario, self.policy, self.episode, self.people)
                 summary["retraced"] = {"decisions": again.num_decisions, "equal": again.num_equal}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pace_drake.cli.options import set_option
+from pace_drake.cli.options import set_option, with_values
 from pace_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,12 +69,11 @@ def command(
 
 
 def _assembly(name: str, level: str, policy: str | None, overrides: tuple[str, ...]) -> "Assembly":
-    import json
 
     from pace_drake.diagram import Assembly, make_plant_assembly
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
 
-    scenario = load_scenario(name, (*overrides, *([f"policy={json.dumps(policy)}"] if policy is not None else [])))
+    scenario = load_scenario(name, with_values(overrides, policy=policy))
     chosen = make_policy(scenario.policy, scenario)
     return Assembly(scenario, chosen) if level == "task" else make_plant_assembly(scenario, chosen)

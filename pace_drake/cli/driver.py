@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.cli.options import lcm_url_option
 from pace_drake.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 @click.command("driver", short_help="Drive a Franka robot (FR3 or FER) from LCM commands.")
 @click.option("--robot", required=True, help="fr3, or fer (the Panda).")
 @click.option("--ip", required=True, help="Address of the robot.")
-@click.option("--lcm-url", required=True, help="LCM URL, such as 'udpm://239.255.76.67:7667?ttl=0'.")
+@lcm_url_option
 @click.option("--status-rate", type=float, default=500.0, show_default=True, help="Status messages, 200 to 1000 [Hz].")
 @click.option(
     "--recover",
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 def command(
     robot: str,
     ip: str,
-    lcm_url: str,
+    url: str,
     status_rate: float,
     recover: str,
     recover_delay: float,
@@ -77,8 +78,8 @@ def command(
         recover=recover == "auto",
         recover_delay=recover_delay,
     )
-    channels = LcmConfig(url=lcm_url)
-    if lcm_url.startswith("memq:"):
+    channels = LcmConfig(url=url)
+    if url.startswith("memq:"):
         raise InputError("memq:// reaches nobody outside the driver: give an LCM URL of a network")
     lcm = open_lcm(channels)
     fingers = _make_hand(hand, ip)

@@ -1,5 +1,6 @@
 """Options that many verbs share."""
 
+import json
 from collections.abc import Sequence
 
 import click
@@ -11,6 +12,17 @@ set_option = click.option(
 lcm_url_option = click.option(
     "--lcm-url", "url", required=True, help="LCM URL, such as 'udpm://239.255.76.67:7667?ttl=0' for this machine alone."
 )
+
+
+def with_values(overrides: Sequence[str], **values: str | float | None) -> tuple[str, ...]:
+    """What ``set_option`` took, and values of options of their own behind it; None: not given.
+
+    Args:
+        overrides: of the option.
+        values: by the key in the scenario, with __ for its dots.
+    """
+    given = {key.replace("__", "."): value for key, value in values.items() if value is not None}
+    return (*overrides, *(f"{key}={json.dumps(value)}" for key, value in given.items()))
 
 
 def set_words(overrides: Sequence[str]) -> list[str]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from pace_drake.cli.options import set_option
+from pace_drake.cli.options import set_option, with_values
 from pace_drake.errors import InputError
 
 
@@ -33,8 +33,6 @@ def command(
     diagram's; the robot is where it was recorded, whatever is commanded. Shows what was wrong when, what was decided,
     and how the commands compare with those in the log.
     """
-    import json
-
     import numpy as np
     from rich.console import Console
 
@@ -55,8 +53,7 @@ def command(
     recorded_scenario, recorded_episode = folder / "scenario.yaml", folder / "episode.json"
     if scenario is None:
         scenario = str(recorded_scenario) if recorded_scenario.exists() else "ikea_chair"
-    extra = overrides if policy is None else (*overrides, f"policy={json.dumps(policy)}")
-    loaded = load_scenario(scenario, tuple(extra))
+    loaded = load_scenario(scenario, with_values(overrides, policy=policy))
     config = loaded.lcm
     if not any(message.channel == config.panda_status_channel for message in messages):
         heard = ", ".join(sorted({message.channel for message in messages})) or "nothing"

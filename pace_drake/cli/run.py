@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pace_drake.cli.options import set_option
+from pace_drake.cli.options import set_option, with_values
 from pace_drake.cli.outputs import make_folder
 from pace_drake.cli.run_folder import choose_folder
-from pace_drake.cli.tables import idle_table
+from pace_drake.cli.tables import idle_table, joint_names
 
 if TYPE_CHECKING:
     from pace_drake.diagram import Assembly
@@ -63,16 +63,14 @@ def command(
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
 
-    extra = list(overrides)
-    if hand is not None:
-        extra.append(f"human.demonstrations={json.dumps(hand)}")
-    if chart is not None:
-        extra.append(f"statechart={json.dumps(chart)}")
-    if human_idle_weight is not None:
-        extra.append(f"task.human_idle_weight={human_idle_weight}")
-    if policy is not None:
-        extra.append(f"policy={json.dumps(policy)}")
-    loaded = load_scenario(scenario, tuple(extra))
+    values = with_values(
+        overrides,
+        human__demonstrations=hand,
+        statechart=chart,
+        task__human_idle_weight=human_idle_weight,
+        policy=policy,
+    )
+    loaded = load_scenario(scenario, values)
     chosen = make_policy(loaded.policy, loaded)
     run = _Run(loaded, chosen, level, seed, episodes, out, meshcat)
     try:
@@ -255,9 +253,7 @@ class _Run:
     def _print_table(self, mean: dict, truncations: list[str]) -> None:
         task = self.scenario.task
         what = r"idle time \[s]" if self.episodes == 1 else rf"mean idle time over {self.episodes} episodes \[s]"
-        joints = enumerate(task.human_index_of_joint, start=1)
-        names = {str(key): f"{key} {task.human_actions[human_index - 1].name}" for key, human_index in joints}
-        self.console.print(idle_table(mean, names, f"{what}, policy {self.scenario.policy}"))
+        self.console.print(idle_table(mean, joint_names(task), f"{what}, policy {self.scenario.policy}"))
         rmse = mean["phase_rmse"]
         self.console.print(
             f"cost (lambda = {task.human_idle_weight:g}): [bold]{mean['cost']:.2f} s[/bold]; "

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
     from pace_drake.evaluate.report import Table
+    from pace_drake.task import Task
 
 
 def wide_console() -> "Console":
@@ -17,6 +18,12 @@ def wide_console() -> "Console":
 
     console = Console()
     return console if console.is_terminal else Console(width=200)
+
+
+def joint_names(task: "Task") -> dict[str, str]:
+    """How the joint actions are called, by their 1-based numbers."""
+    joints = enumerate(task.human_index_of_joint, start=1)
+    return {str(key): f"{key} {task.human_actions[human_index - 1].name}" for key, human_index in joints}
 
 
 def idle_table(mean: dict, names: "Mapping[str, str]", title: str) -> "RichTable":

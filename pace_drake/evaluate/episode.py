@@ -1,6 +1,6 @@
 """Running one episode and saying what it cost."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter
 
@@ -13,6 +13,11 @@ from pace_drake.task import Episode
 
 #: [s] between samples of the phase for the timeline, and between looks at the progress.
 SAMPLE_PERIOD = 0.5
+
+
+def by_joint(values: Sequence[float]) -> dict[str, float]:
+    """Idle times (L) [s] by the 1-based joint action, and their total."""
+    return {**{str(k): value for k, value in enumerate(values, start=1)}, "total": sum(values)}
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,7 @@ class EpisodeResult:
         """Idle times keyed by the 1-based joint action, and their total."""
         content = asdict(self)
         for agent in ("robot_idle", "human_idle"):
-            values = content[agent]
-            content[agent] = {**{str(k + 1): v for k, v in enumerate(values)}, "total": sum(values)}
+            content[agent] = by_joint(content[agent])
         return content
 
 

@@ -19,6 +19,7 @@ import pytest
 from pace_drake.bridge.command_check import check_commands
 from pace_drake.bridge.lcm_log import read_log
 from pace_drake.scenario import load_scenario
+from tests.bridge.conftest import SHORT
 from tests.peers.processes import (
     FRANKA,
     FRANKY,
@@ -39,15 +40,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.hardware]
 PATIENT = [
     *("robot=fr3", "status_timeout=1.0", "max_stall=1.0", "max_clock_skew=0.5", "max_tracking_error=1.0"),
     "min_success_rate=0.05",
-]
-#: Human actions that take a few seconds. The robot's motions already are as short as its path allows.
-SHORT = [
-    setting
-    for action, mean in ((0, 6), (2, 6), (4, 8))
-    for setting in (
-        f"task.human_actions.{action}.duration.mean={mean}",
-        f"task.human_actions.{action}.duration.minimum=2",
-    )
 ]
 SETTINGS = [*SHORT, *(f"lcm.{setting}" for setting in PATIENT)]
 
