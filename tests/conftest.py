@@ -9,6 +9,10 @@ os.environ["DRAKE_ALLOW_NETWORK"] = "meshcat:package_map"
 
 import pytest
 
+from pace_drake.processes import use_one_thread
+
+use_one_thread()
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:

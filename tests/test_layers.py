@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "pace_drake"
 #: Lower layers must not import higher ones.
 LAYERS = [
-    ["errors", "files", "graphviz", "ports", "resources"],
+    ["errors", "files", "graphviz", "ports", "processes", "resources"],
     ["dtw", "statechart", "task", "observation", "perception", "safety"],
     ["demos", "lcm"],
     ["driver"],

@@ -7,6 +7,7 @@ import click
 
 from pace_drake import __version__
 from pace_drake.errors import InputError
+from pace_drake.processes import use_one_thread
 
 
 class _Verbs(click.Group):
@@ -44,6 +45,7 @@ def _warn(message: Warning | str, category: type[Warning], *_: object) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Entry point. Exits with 0, with 2 for input that cannot be used, with 130 after Ctrl-C."""
     warnings.showwarning = _warn  # type: ignore[assignment]
+    use_one_thread()
     try:
         code = pace.main(args=arguments, prog_name="pace", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:

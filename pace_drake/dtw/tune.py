@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from pace_drake.dtw.estimator import samples
 from pace_drake.dtw.open_end import Distance, OpenEndSoftDTW
@@ -163,7 +164,6 @@ class _Search:
         try:
             import optuna
             import torch  # noqa: F401  Optuna's Gaussian processes need it, and would say so only later
-            from threadpoolctl import threadpool_limits
         except ModuleNotFoundError as error:
             raise InputError(f"tuning needs {error.name}: install it with pip install 'pace_drake[tune]'") from None
         from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution

@@ -1,11 +1,10 @@
 """Tuning the estimators of all actions of a signal set, in parallel processes."""
 
 import math
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from queue import Empty, Queue
 from typing import cast
@@ -19,6 +18,7 @@ from pace_drake.dtw.filter import PhaseFilter
 from pace_drake.dtw.scores import mean_squared_error
 from pace_drake.dtw.tune import Tuned, stretched, tune
 from pace_drake.errors import require
+from pace_drake.processes import worker_processes
 
 
 def load_signals(data: str, seed: int) -> SignalSet:
@@ -86,30 +86,15 @@ def run_jobs(jobs: Iterable[Job], num_processes: int, on_trial: OnTrial = lambda
     jobs = list(jobs)
     if num_processes == 1:
         return [_run(job, number, on_trial) for number, job in enumerate(jobs)]
-    # "spawn": torch and numba hold threads, which a fork would leave behind in a broken state.
-    context = multiprocessing.get_context("spawn")
-    # Ctrl-C reaches all processes of a terminal: only this one shall answer it.
-    ignore = (signal.SIGINT, signal.SIG_IGN)
-    with (
-        context.Manager() as manager,
-        ProcessPoolExecutor(min(num_processes, len(jobs)), context, signal.signal, ignore) as pool,
-    ):
+    with get_context("spawn").Manager() as manager, worker_processes(min(num_processes, len(jobs))) as workers:
         queue = cast("Queue[tuple[int, int, float]]", manager.Queue())
-        futures = [pool.submit(_run, job, number, _Put(queue)) for number, job in enumerate(jobs)]
+        futures = [workers.submit(_run, job, number, _Put(queue)) for number, job in enumerate(jobs)]
         pending = set(futures)
-        try:
-            while pending:
-                done, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                _report(queue, on_trial)
-                for future in done:
-                    future.result()  # one that failed ends them all
-        except BaseException:
-            for future in futures:
-                future.cancel()
-            # A search may have minutes to go; what it has found so far is in its journal.
-            for process in (pool._processes or {}).values():
-                process.terminate()
-            raise
+        while pending:
+            done, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+            _report(queue, on_trial)
+            for future in done:
+                future.result()  # one that failed ends them all; what the others have found is in their journals
         return [future.result() for future in futures]
 
 

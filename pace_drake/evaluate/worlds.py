@@ -5,13 +5,11 @@ and policies come, and their validation trials), and twelve who are not. Everyth
 anew in each world, on training trials alone, and all play the same episodes of it.
 """
 
-import signal
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +27,7 @@ from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
 from pace_drake.people import NUM_UNSEEN, load_people
 from pace_drake.policies import Policy
 from pace_drake.policies.factory import make_policy
+from pace_drake.processes import worker_processes
 from pace_drake.scenario import SYNTHETIC, Scenario
 
 WORLD_SPLITS = ("train", "validation", "unseen")
@@ -126,21 +125,11 @@ def evaluate_worlds(
             found.append(evaluate_world(task))
             done(number + 1)
         return found
-    # Spawned: threads of torch and numba do not survive a fork. Ctrl-C reaches all processes of a terminal, and only
-    # this one shall answer it.
-    ignore = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(min(jobs, len(tasks)), get_context("spawn"), signal.signal, ignore) as workers:
+    with worker_processes(min(jobs, len(tasks))) as workers:
         futures = [workers.submit(evaluate_world, task) for task in tasks]
-        try:
-            for number, future in enumerate(as_completed(futures)):
-                future.result()
-                done(number + 1)
-        except BaseException:
-            for future in futures:
-                future.cancel()
-            for process in (workers._processes or {}).values():
-                process.terminate()  # a world takes minutes
-            raise
+        for number, future in enumerate(as_completed(futures)):
+            future.result()  # one that failed ends them all
+            done(number + 1)
         return [future.result() for future in futures]
 
 
