@@ -12,7 +12,8 @@ demo: install
 # Where a peer cannot be installed, the tests that need it skip.
 test: install-dev
 	-@$(MAKE) --no-print-directory --keep-going peers
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m "not alone" --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest -m alone
 
 check: install-dev lint types test
 

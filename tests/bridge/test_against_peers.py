@@ -34,7 +34,7 @@ from tests.peers.processes import (
     until,
 )
 
-pytestmark = [pytest.mark.slow, pytest.mark.hardware]
+pytestmark = [pytest.mark.slow, pytest.mark.hardware, pytest.mark.alone]
 
 #: This computer may have other things to do, and franky-sim's joints are soft; a lab's has neither excuse.
 PATIENT = [

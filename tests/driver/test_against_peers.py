@@ -14,7 +14,7 @@ from drake import lcmt_panda_status, lcmt_schunk_wsg_command, lcmt_schunk_wsg_st
 from tests.driver.fake import make_command
 from tests.peers.processes import FRANKA, FRANKY, answers, available, driver, franka_sim, franky_sim, running
 
-pytestmark = [pytest.mark.slow, pytest.mark.hardware]
+pytestmark = [pytest.mark.slow, pytest.mark.hardware, pytest.mark.alone]
 
 MOVE, REFLEX = lcmt_panda_status.kMove, lcmt_panda_status.kReflex
 

@@ -1,4 +1,4 @@
-"""What the policies cost on the chair, on the same 150 episodes of validation trials."""
+"""What the policies cost on the chair, on the same 60 episodes of validation trials."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def means(chair, chair_people):
     for name in ("always_assist", "elapsed_threshold", "phase_threshold", "learned"):
         simulation = Simulation(Assembly(chair, make_policy(name, chair), people=chair_people))
         results = [
-            run_episode(simulation, simulation.sample_episode(np.random.default_rng([1, k]))) for k in range(150)
+            run_episode(simulation, simulation.sample_episode(np.random.default_rng([1, k]))) for k in range(60)
         ]
         means[name] = mean_result(results)
     return means
