@@ -1,11 +1,21 @@
 """``pace replay``: the diagram on a recorded LCM log."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pace_drake.cli.options import set_option, with_values
 from pace_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from pace_drake.bridge.lcm_log import LoggedMessage
+    from pace_drake.bridge.playback import Playback
+    from pace_drake.bridge.session import Session
+    from pace_drake.lcm.config import LcmConfig
 
 
 @click.command("replay", short_help="Run the diagram on a recorded LCM log and show what it would have commanded.")
@@ -36,18 +46,15 @@ def command(
     import numpy as np
     from rich.console import Console
 
-    from pace_drake.bridge.command_check import check_commands, command_differences
     from pace_drake.bridge.lcm_log import read_log
     from pace_drake.bridge.playback import Playback
     from pace_drake.bridge.retrace import read_episode
     from pace_drake.bridge.session import Session
     from pace_drake.evaluate.event_log import EventRecorder
-    from pace_drake.lcm.types import lcmt_pace_operator
     from pace_drake.people import load_people
     from pace_drake.policies.factory import make_policy
     from pace_drake.scenario import load_scenario
 
-    console = Console()
     folder = log if log.is_dir() else log.parent
     messages = list(read_log(log / "lcm.log" if log.is_dir() else log))
     recorded_scenario, recorded_episode = folder / "scenario.yaml", folder / "episode.json"
@@ -55,31 +62,19 @@ def command(
         scenario = str(recorded_scenario) if recorded_scenario.exists() else "ikea_chair"
     loaded = load_scenario(scenario, with_values(overrides, policy=policy))
     config = loaded.lcm
-    if not any(message.channel == config.panda_status_channel for message in messages):
+    if not _of(messages, config.panda_status_channel):
         heard = ", ".join(sorted({message.channel for message in messages})) or "nothing"
         raise InputError(f"{log}: no {config.panda_status_channel} in it, but {heard}; set lcm.panda_status_channel")
     if person is None:
-        tracked = any(message.channel == config.person_hand_channel for message in messages)
-        person = "lcm" if tracked else "simulated"
+        person = "lcm" if _of(messages, config.person_hand_channel) else "simulated"
 
     own = (
         *(config.panda_command_channel, config.hand_command_channel),
         *(config.decision_channel, config.state_channel),
     )
     playback = Playback(messages, own)
-    start = playback.clock()
-    lines = 0
-
-    def tell(line: str) -> None:
-        nonlocal lines
-        lines += line.startswith(("fault", "stop:"))
-        console.print(f"{playback.clock() - start:8.2f} s  {line}", highlight=False, markup=False, soft_wrap=True)
-
-    def note(time: float, kind: str, **values) -> None:
-        if kind == "decision":
-            answer = {1: "assist", 0: "go on"}.get(values["assist"], "no answer")
-            tell(f"decision: {answer}, in human action {values['human_action']} at phase {values['phase']:.2f}")
-
+    console = Console()
+    teller = _Teller(console, playback)
     people = load_people(loaded)
     session = Session(
         loaded,
@@ -89,40 +84,82 @@ def command(
         people=people,
         clock=playback.clock,
         steady=playback.clock,
-        tell=tell,
+        tell=teller.tell,
     )
     session.connect()
     if recorded_episode.exists():
         episode = read_episode(recorded_episode)
     else:
         episode = people.sample(loaded, np.random.default_rng(0))
-    session.begin(episode, (EventRecorder(note),))
+    session.begin(episode, (EventRecorder(teller.note),))
+    _play(session, playback, acknowledge)
+    console.print(
+        f"{session.station.status.inbox.num_good} status messages over {teller.time:.1f} s, "
+        f"{session.station.status.inbox.num_bad} that cannot be used; {teller.num_troubles} times trouble",
+        highlight=False,
+    )
+    _compare(console, messages, playback.sent, config)
+
+
+class _Teller:
+    """Prints what the session says, with the time in the log, and counts troubles."""
+
+    def __init__(self, console: "Console", playback: "Playback") -> None:
+        self._console, self._playback, self._start = console, playback, playback.clock()
+        self.num_troubles = 0
+
+    @property
+    def time(self) -> float:
+        """[s] since the log's first message."""
+        return self._playback.clock() - self._start
+
+    def tell(self, line: str) -> None:
+        self.num_troubles += line.startswith(("fault", "stop:"))
+        self._console.print(f"{self.time:8.2f} s  {line}", highlight=False, markup=False, soft_wrap=True)
+
+    def note(self, time: float, kind: str, **values: Any) -> None:
+        if kind == "decision":
+            answer = {1: "assist", 0: "go on"}.get(values["assist"], "no answer")
+            self.tell(f"decision: {answer}, in human action {values['human_action']} at phase {values['phase']:.2f}")
+
+
+def _play(session: "Session", playback: "Playback", acknowledge: float | None) -> None:
+    from pace_drake.lcm.types import lcmt_pace_operator
+
     while not (playback.over or session.finished):
         session.step()
         if acknowledge is not None and session.time >= acknowledge:
             session.press(lcmt_pace_operator.ACKNOWLEDGE)
             acknowledge = None
-    sent = [message for message in playback.sent if message.channel == config.panda_command_channel]
-    console.print(
-        f"{session.station.status.inbox.num_good} status messages over {playback.clock() - start:.1f} s, "
-        f"{session.station.status.inbox.num_bad} that cannot be used; {lines} times trouble",
-        highlight=False,
-    )
-    if not sent:
+
+
+def _compare(
+    console: "Console", messages: "Sequence[LoggedMessage]", sent: "Sequence[LoggedMessage]", config: "LcmConfig"
+) -> None:
+    """Prints whether the commands keep their limits, and how far they are from those in the log."""
+    import numpy as np
+
+    from pace_drake.bridge.command_check import check_commands, command_differences
+
+    commanded = _of(sent, config.panda_command_channel)
+    if not commanded:
         console.print("nothing would have been commanded: nobody gave leave in the log (--acknowledge SECONDS does)")
         return
-    status = [message for message in messages if message.channel == config.panda_status_channel]
-    check = check_commands(sorted([*status, *sent], key=lambda message: message.time), config)
+    status = _of(messages, config.panda_status_channel)
+    check = check_commands(sorted([*status, *commanded], key=lambda message: message.time), config)
     console.print(
-        f"{len(sent)} commands, {'all' if check.kept else 'NOT ALL'} within the limits: at most "
+        f"{len(commanded)} commands, {'all' if check.kept else 'NOT ALL'} within the limits: at most "
         f"{100 * check.velocity:.0f} % of velocity, {100 * check.acceleration:.0f} % of acceleration",
         highlight=False,
     )
-    recorded = [message for message in messages if message.channel == config.panda_command_channel]
-    if recorded:
-        difference = command_differences(recorded, sent)
+    if recorded := _of(messages, config.panda_command_channel):
+        difference = command_differences(recorded, commanded)
         console.print(
             f"against the {len(recorded)} commands in the log: {1e3 * np.median(difference):.1f} mrad in the median, "
             f"{1e3 * np.max(difference):.1f} at most",
             highlight=False,
         )
+
+
+def _of(messages: "Sequence[LoggedMessage]", channel: str) -> "list[LoggedMessage]":
+    return [message for message in messages if message.channel == channel]
