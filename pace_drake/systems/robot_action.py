@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from pace_drake.ports import declare_input, declare_output, declare_update
+from pace_drake.systems.path_clock import PathClock
 from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind, Episode, Task
 
 #: [s] how soon an arm that has not arrived at the end of its motion is looked at again.
@@ -19,6 +20,8 @@ STOP_TIME = 0.25
 #: Places in the state; the drawn durations follow.
 _SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE, _HELD = range(11)
 _LOCATED, _RELEASED, _DRAWN = slice(11, 14), 14, 15
+#: Of a ``PathClock``, in its order.
+_CLOCK = slice(_DURATION, _AIM + 1)
 
 _JOINT = float(ActionKind.JOINT)
 #: [s] between two looks at whether the person's hand has what is held out to it.
@@ -233,37 +236,18 @@ class RobotAction(LeafSystem):
 
     # ---- the path's clock
 
-    def _ramp(self, state: np.ndarray) -> float:
-        """[s] from the clock's last update until the path rate is what is aimed at."""
-        return abs(state[_AIM] - state[_RATE]) * self._stop_time
+    def _clock(self, state: np.ndarray) -> PathClock:
+        return PathClock._make((*state[_CLOCK].tolist(), self._stop_time))
 
     def _path_time(self, state: np.ndarray, time: float) -> tuple[float, float]:
         """(path time [s], path rate) at ``time``."""
-        if not state[_ACTIVE]:
-            return state[_PATH], 0.0
-        passed, ramp = time - state[_SINCE], self._ramp(state)
-        if passed < ramp:
-            rate = state[_RATE] + (state[_AIM] - state[_RATE]) * passed / ramp
-            path = state[_PATH] + (state[_RATE] + rate) / 2 * passed
-        else:
-            rate = state[_AIM]
-            path = state[_PATH] + (state[_RATE] + rate) / 2 * ramp + rate * (passed - ramp)
-        return min(path, state[_DURATION]), rate
-
-    def _end_time(self, state: np.ndarray) -> float:
-        """[s] when the path comes to its end; inf if it is held before."""
-        left, ramp, rate = state[_DURATION] - state[_PATH], self._ramp(state), state[_RATE]
-        in_ramp = (rate + state[_AIM]) / 2 * ramp
-        if left > in_ramp or ramp == 0:
-            return state[_SINCE] + (ramp + (left - in_ramp) / state[_AIM]) if state[_AIM] else np.inf
-        slope = (state[_AIM] - rate) / ramp
-        return state[_SINCE] + 2 * left / (rate + np.sqrt(rate**2 + 2 * slope * left))
+        return self._clock(state).at(time) if state[_ACTIVE] else (state[_PATH], 0.0)
 
     def _is_done(self, context: Context) -> bool:
         """Whether the active motion has come to its end."""
         state = self._state(context)
         # The same expression as in next_event_time: stepping there makes it true, without rounding.
-        if not state[_ACTIVE] or context.get_time() < self._end_time(state):
+        if not state[_ACTIVE] or context.get_time() < self._clock(state).end:
             return False
         if self._motions is None:
             return True
@@ -286,7 +270,8 @@ class RobotAction(LeafSystem):
 
     def _busy(self, context: Context) -> float:
         state = self._state(context)
-        moving = state[_AIM] or context.get_time() < state[_SINCE] + self._ramp(state)
+        clock = self._clock(state)
+        moving = clock.aim or context.get_time() < clock.since + clock.ramp
         return float(bool(state[_ACTIVE] and moving and not self._is_done(context)))
 
     def _fraction(self, context: Context) -> float:
@@ -301,9 +286,10 @@ class RobotAction(LeafSystem):
         state, time = self._state(context), context.get_time()
         if not state[_ACTIVE]:
             return np.inf
-        end, at_rest = self._end_time(state), state[_SINCE] + self._ramp(state)
+        clock = self._clock(state)
+        end, at_rest = clock.end, clock.since + clock.ramp
         if time < end:
-            return at_rest if not state[_AIM] and time < at_rest < end else end
+            return at_rest if not clock.aim and time < at_rest < end else end
         return time + _ARRIVAL_POLL
 
     def _position(self, context: Context) -> np.ndarray:
@@ -363,11 +349,10 @@ class RobotAction(LeafSystem):
         if not before[_ACTIVE] or before[_HELD] or aim == before[_AIM]:
             return
         assert self._pacing is not None
-        x = values.get_mutable_value(0)
-        x[_PATH], x[_RATE] = self._path_time(before, time)
-        if x[_PATH] <= self._pacing.period:
-            x[_RATE] = min(x[_RATE], aim)
-        x[_SINCE], x[_AIM] = time, aim
+        clock = self._clock(before).led(time, aim)
+        if clock.passed <= self._pacing.period:
+            clock = clock._replace(rate=min(clock.rate, aim))
+        values.get_mutable_value(0)[_CLOCK] = clock[:-1]
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         kind_value, index, sequence = self._command.Eval(context)
@@ -378,8 +363,7 @@ class RobotAction(LeafSystem):
             x[_LAST_DONE], x[_PATH], x[_ACTIVE] = x[_SEQUENCE], x[_DURATION], 0.0
         if kind == ActionKind.HOLD:
             if x[_ACTIVE] and not x[_HELD]:
-                x[_PATH], x[_RATE] = self._path_time(before, time)
-                x[_SINCE], x[_AIM], x[_HELD] = time, 0.0, 1.0
+                x[_CLOCK], x[_HELD] = self._clock(before).led(time, 0.0)[:-1], 1.0
             return
         if sequence == x[_SEQUENCE] or kind == ActionKind.NONE:
             return

@@ -14,9 +14,7 @@ def means(chair, chair_people):
     means = {}
     for name in ("always_assist", "elapsed_threshold", "phase_threshold", "learned"):
         simulation = Simulation(Assembly(chair, make_policy(name, chair), people=chair_people))
-        results = [
-            run_episode(simulation, simulation.sample_episode(np.random.default_rng([1, k]))) for k in range(60)
-        ]
+        results = [run_episode(simulation, simulation.sample_episode(np.random.default_rng([1, k]))) for k in range(60)]
         means[name] = mean_result(results)
     return means
 
