@@ -43,6 +43,8 @@ class PathClock(NamedTuple):
     def end(self) -> float:
         """[s] when the path comes to its end; inf if it is held before."""
         left, ramp = self.duration - self.passed, self.ramp
+        if left <= 0 and self.aim:
+            return self.since
         in_ramp = (self.rate + self.aim) / 2 * ramp
         if left > in_ramp or ramp == 0:
             return self.since + (ramp + (left - in_ramp) / self.aim) if self.aim else inf

@@ -4,7 +4,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pace_drake.systems.path_clock import PathClock
@@ -46,6 +46,9 @@ def test_it_is_the_integral_of_the_rate(clock, after):
 
 
 @given(clocks())
+@example(
+    PathClock(1.0, 3.0, 1.0, 0.0, 1.0, 0.25)
+)  # held at its end, where it waits for the arm or the hand, and let go
 def test_its_end_is_where_the_path_ends(clock):
     if clock.end == inf:
         assert clock.aim == 0
@@ -53,6 +56,8 @@ def test_its_end_is_where_the_path_ends(clock):
         return
     assert clock.end >= clock.since
     assert clock.at(clock.end)[0] == pytest.approx(clock.duration, abs=1e-9)
+    if clock.passed == clock.duration:  # held there it has no end
+        assert clock.end == clock.since
     before = clock.end - 0.01
     if before > clock.since:
         assert clock.at(before)[0] < clock.duration
