@@ -51,6 +51,7 @@ DECIDES = FINAL = np.zeros(0, dtype=bool)
 react_in_place: Any = None
 outputs: Any = None
 next_deadline: Any = None
+address: Any = None
 
 
 def make_kernel(compiled: CompiledChart, parallel: bool) -> Any:
@@ -89,7 +90,8 @@ def _text(compiled: CompiledChart, parallel: bool) -> str:
         "from numba.extending import intrinsic",
         *(f"{name} = {value!r}" for name, value in sorted(constants.items())),
         *(f"{name} = np.array({value!r})" for name, value in arrays.items()),
-        _decorated(inspect.getsource(address), "@intrinsic"),
+        inspect.getsource(address_of_element),
+        "address = intrinsic(address_of_element)",
         # Nothing calls these from Python, or looks for them in the cache.
         *(_decorated(text, "@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)") for text in inner),
         _decorated(inspect.getsource(advance), f"@njit(cache=True, parallel={parallel})"),
@@ -115,7 +117,7 @@ def _load(text: str) -> Any:
     return module.advance
 
 
-def address(_, array, index):
+def address_of_element(_, array, index):
     """Where an element of a contiguous array lies, counted from its first.
 
     The functions below take addresses: numba counts references to an array or a slice that is handed on, which took
