@@ -24,13 +24,14 @@ def declare_output(
         size: number of elements of a vector; None for a scalar.
     """
 
-    def calc_vector(context: Context, output: BasicVector) -> None:
-        if size is None:
-            output.SetAtIndex(0, calc(context))
-        else:
-            output.SetFromVector(calc(context))
+    def calc_scalar(context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, calc(context))
 
-    return system.DeclareVectorOutputPort(name, BasicVector(size or 1), calc_vector, prerequisites_of_calc=depends_on)
+    def calc_vector(context: Context, output: BasicVector) -> None:
+        output.SetFromVector(calc(context))
+
+    calculate = calc_scalar if size is None else calc_vector
+    return system.DeclareVectorOutputPort(name, BasicVector(size or 1), calculate, prerequisites_of_calc=depends_on)
 
 
 def declare_update(system: LeafSystem, update: Callable, reaction_period: float | None) -> None:

@@ -91,7 +91,7 @@ class Demonstration:
         Raises:
             InputError: `duration` is not > 0, or `time` is NaN.
         """
-        last = self.num_samples - 1
+        last = self.p_WH.shape[0] - 1
         if duration is None:
             duration = last * self.sample_period
         elif not duration > 0.0:
@@ -100,9 +100,11 @@ class Demonstration:
             raise InputError(f"{self.name}: time must be a number, got {time}")
         index = min(max(time / duration, 0.0), 1.0) * last
         before = min(int(index), last - 1)
-        p_before, p_after = self.p_WH[before], self.p_WH[before + 1]
+        # As floats: for three numbers that takes half the time of arrays, with the same rounding. Exact at both ends.
+        (a, b, c), (x, y, z) = self.p_WH[before : before + 2].tolist()
         fraction = index - before
-        return (1.0 - fraction) * p_before + fraction * p_after  # exact at both ends
+        rest = 1.0 - fraction
+        return np.array([rest * a + fraction * x, rest * b + fraction * y, rest * c + fraction * z])
 
     def positions(self, times: NDArray, duration: float) -> NDArray:
         """Returns the positions (m, 3) [m] at many times (m,) [s]; each as `position` gives it."""

@@ -93,14 +93,24 @@ class Estimator(ABC):
             InputError: the sample has the wrong shape or is not finite; the state is then unchanged.
             ValueError: the state is no vector of this estimator.
         """
-        checked = samples(sample, "sample", (self.num_axes,), f"a vector of {self.num_axes} values")
+        flags = state.flags
+        if state.shape == (self.num_states,) and state.dtype == np.float64 and flags.c_contiguous and flags.writeable:
+            self._take(state, sample)
+            return
+        self._checked_sample(sample)  # may raise the error that is looked for first
         if state.shape != (self.num_states,) or state.dtype != np.float64:
             raise ValueError(
                 f"state must be a float64 vector of length {self.num_states}, got {state.dtype} {state.shape}"
             )
-        if not (state.flags.c_contiguous and state.flags.writeable):
-            raise ValueError("state must be contiguous and writable: it is updated in place")
-        self._step(state, checked)
+        raise ValueError("state must be contiguous and writable: it is updated in place")
+
+    def _take(self, state: NDArray, sample: ArrayLike) -> float | None:
+        """Takes a sample that has not been checked into a checked state; returns the phase where it costs nothing."""
+        self._step(state, self._checked_sample(sample))
+        return None
+
+    def _checked_sample(self, sample: ArrayLike) -> NDArray:
+        return samples(sample, "sample", (self.num_axes,), f"a vector of {self.num_axes} values")
 
     # --- batch ---
 
@@ -181,7 +191,7 @@ class Estimator(ABC):
             self._last = None
             return self.phase_at(self._state)
         at = number(time, "time", "a finite number [s]")
-        new = samples(sample, "sample", (self.num_axes,), f"a vector of {self.num_axes} values")
+        new = self._checked_sample(sample)
         path = new[np.newaxis]
         if self._last is not None:
             last, last_time = self._last

@@ -187,12 +187,17 @@ class PhaseFilter(Estimator):
         return np.append(self.estimator.initial_state(), [0.0, -1.0, 0.0])
 
     def _step(self, state: NDArray, sample: NDArray) -> None:
-        inner, memory = state[:-3], state[-3:]
-        self.estimator._step(inner, sample)
-        memory[0] += 1.0
-        z = self.estimator.phase_at(inner)
-        if z > memory[1]:
-            memory[1:] = z, memory[0]
+        self._take(state, sample)
+
+    def _take(self, state: NDArray, sample: ArrayLike) -> None:
+        inner = state[:-3]
+        # Which checks the sample; nothing has changed yet if it cannot be used.
+        z = self.estimator._take(inner, sample)
+        if z is None:
+            z = self.estimator.phase_at(inner)
+        state[-3] += 1.0
+        if z > state[-2]:
+            state[-2:] = z, state[-3]
 
     def phase_at(self, state: NDArray) -> float:
         """Returns the phase; the filter's mean is 0 before the second sample, as no time has passed."""

@@ -90,6 +90,9 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 # For functions that only compiled code calls: nothing to call them by from Python needs to be compiled.
 _bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _inner = njit(cache=True, nogil=True, error_model="numpy", **_bare)
+# Of two functions on the way from `phases` to what it is made of: LLVM optimises all that a function calls anew with
+# it, so that every level costs a second when the cache is empty.
+_inlined = njit(cache=True, nogil=True, error_model="numpy", inline="always", **_bare)
 
 
 def num_states(num_axes: int, n: int, window: int, distance: int, groups: int, gamma: float) -> int:
@@ -211,7 +214,6 @@ def _inverse_norms(memory, axis, size, w, at):
     return np.sqrt(wide)
 
 
-@_compiled
 def window_tables(reference, w, groups):
     """What `step` needs to know of the windows of the reference.
 
@@ -227,11 +229,19 @@ def window_tables(reference, w, groups):
         wide: (g, n), norms of the windows of w + 1 samples.
     """
     d, n = reference.shape
-    size = d // groups
     ahead, inverse = np.zeros((d, w, n)), np.zeros((groups, w, n))
     rolling, wide = np.zeros((2, d, n)), np.zeros((groups, n))
+    _write_tables(reference, np.zeros(d * (4 * w + 4) + w), ahead, inverse, rolling, wide)
+    return ahead, inverse, rolling, wide
+
+
+@_compiled
+def _write_tables(reference, memory, ahead, inverse, rolling, wide):
+    """Writes what `window_tables` returns; memory, zeros at first, is that of `_slide` and `_inverse_norms`."""
+    d, n = reference.shape
+    groups, w = inverse.shape[:2]
+    size = d // groups
     at_inverse = d * (4 * w + 4)
-    memory = np.zeros(at_inverse + w)
     for j in range(n):
         for axis in range(d):
             at = axis * (4 * w + 4)
@@ -242,7 +252,6 @@ def window_tables(reference, w, groups):
             wide[group, j] = _inverse_norms(memory, group * size, size, w, at_inverse)
             for k in range(w):
                 inverse[group, k, j] = memory[at_inverse + min(k, j)]
-    return ahead, inverse, rolling, wide
 
 
 @_inner
@@ -352,7 +361,7 @@ def _mend(memory, at, at_covariance, at_error, last, reference, inverse_q, group
             state[COST + j] += correlation
 
 
-@_inner
+@_inlined
 def _pearson_row(sample, reference, ahead, inverse_q, rolling, wide_q, state, at_memory):
     """Windowed-Pearson distances (n,) of one more sample to all reference samples (Eq. 3).
 
@@ -421,12 +430,11 @@ def _weigh(state, n, gamma):
 def _write_costs(state, n, gamma, out):
     """Writes R = -gamma ln(m * 2^(512 k)); inf where nothing leads, as k is -inf there."""
     m, k = state[COST + n : COST + 2 * n], state[COST + 2 * n : COST + 3 * n]
-    bits = m.view(np.int64)
-    out_bits = out.view(np.int64)
     for j in range(n):
-        exponent = (bits[j] - _SQRT_HALF) >> _EXPONENT
-        out_bits[j] = bits[j] - (exponent << _EXPONENT)
-        s = (out[j] - 1.0) / (out[j] + 1.0)  # |s| <= 0.1716
+        bits = _bits(m[j])
+        exponent = (bits - _SQRT_HALF) >> _EXPONENT
+        fraction = _float(bits - (exponent << _EXPONENT))
+        s = (fraction - 1.0) / (fraction + 1.0)  # |s| <= 0.1716
         z = s * s
         series = 0.0
         for power in range(21, 1, -2):
@@ -552,7 +560,7 @@ def _first_minimum(state, n, gamma, normalization):
     return 0
 
 
-@_inner
+@_inlined
 def _advance(state, sample, reference, ahead, inverse, rolling, wide, distance, steps, normalization, gamma):
     n = reference.shape[1]
     at_memory = COST + (2 if gamma == 0.0 else 5) * n

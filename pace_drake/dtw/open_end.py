@@ -142,14 +142,6 @@ class OpenEndSoftDTW(Estimator):
         """Returns a new state vector (num_states,) that has seen no sample: R[0, 1..n] is infinite."""
         return kernels.initial_state(self.num_states, len(self._reference), self._gamma)
 
-    def step(self, state: NDArray, sample: ArrayLike) -> None:
-        """Takes one more sample p_i, in place: lines 4-8 of Algorithm 1; see `Estimator.step`."""
-        flags = state.flags
-        if state.shape == (self.num_states,) and state.dtype == np.float64 and flags.c_contiguous and flags.writeable:
-            self._take(state, sample)
-        else:
-            super().step(state, sample)  # says what is wrong
-
     def phase_at(self, state: NDArray) -> float:
         """Returns the phase in [0, 1] (Eq. 2); 0 before the first sample."""
         self._check(state)
@@ -177,7 +169,7 @@ class OpenEndSoftDTW(Estimator):
         kernels.step(state, sample.copy(), *self._model)
 
     def _take(self, state: NDArray, sample: ArrayLike) -> float:
-        """Takes a sample that has not been checked into a checked state, and returns the phase."""
+        """Lines 4-8 of Algorithm 1, in place; returns the phase."""
         try:
             values = np.array(sample, dtype=np.float64)
         except (TypeError, ValueError):
@@ -187,8 +179,7 @@ class OpenEndSoftDTW(Estimator):
             if phase >= 0.0:
                 return phase
         # Says what is wrong. Compiled code has checked the rest in a tenth of the time.
-        checked = samples(sample, "sample", (self.num_axes,), f"a vector of {self.num_axes} values")
-        return kernels.step(state, checked.copy(), *self._model)
+        return kernels.step(state, self._checked_sample(sample).copy(), *self._model)
 
     # --- batch and streaming ---
 

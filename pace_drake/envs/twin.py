@@ -89,22 +89,22 @@ class AssemblyTwin:
         self.status = np.zeros(num_envs, dtype=np.int64)
         joint = pool.human[np.array(task.human_index_of_joint) - 1].T
         self._kernel = make_kernel(compiled, num_threads > 1)
-        self._draws = (
-            np.ascontiguousarray(pool.human),
+        draws = (
+            pool.human,
             pool.robot.reshape(len(pool.robot), -1),
             pool.preparation,
-            np.ascontiguousarray(joint),
+            joint,
             pool.homing,
             pool.phases.start,
             pool.phases.length,
             pool.phases.values,
             x0,
             p,
-            np.array(task.human_index_of_joint),
-            scenario.human.sample_period,
+            self._alpha,
             pool.phases.before,
             np.array([0.0 if action.joint else 1 / action.duration.mean for action in task.human_actions]),
         )
+        self._draws = (*(np.ascontiguousarray(one) for one in draws), scenario.human.sample_period)
 
     def observe(self, observation_set: str | None = None, envs: np.ndarray | None = None) -> np.ndarray:
         """(num_envs, D) what a policy sees, in single precision, as in the diagram; a copy.

@@ -98,22 +98,28 @@ class Human(LeafSystem):
     def progress(self, context: Context) -> float:
         """True share in [0, 1] of the current action's time that has passed; 1 while waiting. For evaluation only."""
         now = self._now(context)
-        duration = float(context.get_discrete_state_vector().value()[1 + now.action])
+        duration = self._state(context)[1 + now.action]
         return 1.0 if now.waiting else min((context.get_time() - now.start) / duration, 1.0)
 
+    @staticmethod
+    def _state(context: Context) -> list[float]:
+        # A list: at every tick of the tracker some are read, and an element of an array costs as much as all of them.
+        return context.get_discrete_state_vector().value().tolist()
+
     def _now(self, context: Context) -> _Now:
-        state = context.get_discrete_state_vector().value()
-        time, begun, start = context.get_time(), int(state[0]), float(state[1])
+        return self._at(self._state(context), context.get_time())
+
+    def _at(self, state: list[float], time: float) -> _Now:
+        begun, start = int(state[0]), state[1]
         # Actions of this segment: the joint action that was begun (none before the first), then up to the next one.
         first = self._alpha[begun - 1] if begun else 1
         waits = begun < len(self._alpha)
         end = self._alpha[begun] if waits else self._n + 1
         done = max(begun - 1, 0)
         for action in range(first, end):
-            joint = begun if begun and action == first else 0
-            until = start + float(state[1 + action])
+            until = start + state[1 + action]
             if time < until:
-                return _Now(action, start, False, joint, done, until)
+                return _Now(action, start, False, begun if begun and action == first else 0, done, until)
             done, start = begun, until
         if waits:
             return _Now(end, start, True, begun + 1, begun, inf)
@@ -130,13 +136,13 @@ class Human(LeafSystem):
             x[1] = context.get_time()
 
     def _position(self, context: Context, sampled: bool) -> np.ndarray:
-        now = self._now(context)
-        state = context.get_discrete_state_vector().value()
-        elapsed = context.get_time() - now.start
+        state, time = self._state(context), context.get_time()
+        now = self._at(state, time)
+        elapsed = time - now.start
         if sampled:
             elapsed = floor(elapsed / self._sample_period + self._slack) * self._sample_period
         if now.joint == 0 and not now.waiting and self._demonstrations[now.action - 1]:
-            return self._demonstration(state, now.action).position(elapsed, float(state[1 + now.action]))
+            return self._demonstration(state, now.action).position(elapsed, state[1 + now.action])
         # Waiting, the hand rests where the last action left it; in a joint action it goes where that takes it, and then
         # to where the next action begins.
         before = self._rest(state, now.action - 1, end=True)
@@ -150,15 +156,15 @@ class Human(LeafSystem):
         start, end = places[0] if before is None else before, places[-1] if after is None else after
         shares = [0.0, *(share for share, _ in path), 1.0]
         places = [start, *(p for _, p in path), end]
-        share = min(elapsed / float(state[1 + now.action]), 1.0)
+        share = min(elapsed / state[1 + now.action], 1.0)
         k = min(int(np.searchsorted(shares, share, side="right")), len(shares) - 1)
         s = (share - shares[k - 1]) / (shares[k] - shares[k - 1])
         return places[k - 1] + (places[k] - places[k - 1]) * s**3 * (10 - 15 * s + 6 * s**2)  # minimum jerk
 
-    def _demonstration(self, state: np.ndarray, action: int) -> Demonstration:
+    def _demonstration(self, state: list[float], action: int) -> Demonstration:
         return self._demonstrations[action - 1][int(state[1 + self._n + action])]
 
-    def _rest(self, state: np.ndarray, action: int, end: bool) -> np.ndarray | None:
+    def _rest(self, state: list[float], action: int, end: bool) -> np.ndarray | None:
         if not 1 <= action <= self._n or not self._demonstrations[action - 1]:
             return None
         return self._demonstration(state, action).p_WH[-1 if end else 0]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, EventStatus, LeafSystem
 
 from pace_drake.dtw.estimator import Estimate, Estimator
 from pace_drake.ports import declare_input, declare_output
@@ -77,15 +77,18 @@ class PhaseEstimator(LeafSystem):
         estimate = self._estimate(context)
         return float(estimate.remaining_time), float(estimate.remaining_time_std)
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
+    def _update(self, context: Context, values: DiscreteValues) -> EventStatus:
         action = int(self._human_action.Eval(context)[0])
         state: np.ndarray = values.get_mutable_value(0)
         estimator = self._estimators[action - 1]
+        if estimator is None and int(state[0]) == action:
+            return EventStatus.DidNothing()  # so that Drake does not copy the state
         if estimator is not None:
             of_action = state[1 : self._ends[action - 1]]
             if int(state[0]) != action:
                 of_action[:] = estimator.initial_state()
             p_WH = self._p_WH.Eval(context)
-            if isfinite(p_WH.sum()):
+            if isfinite(sum(p_WH.tolist())):
                 estimator.step(of_action, p_WH)
         state[0] = action
+        return EventStatus.Succeeded()
