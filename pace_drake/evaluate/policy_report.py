@@ -361,7 +361,9 @@ def _draw_idle(comparison: Comparison) -> "Figure":
     ax.set_xlim(0, 1.1 * cost.max())
     ax.set_xlabel("cost per episode [s]")
     ax.set_title(f"{comparison.title}: {_label(comparison)}", fontsize=10)
-    ax.legend(fontsize=8, loc="lower right")
+    left_out = next((row.cost for row in comparison.rows() if row.policy == EXPLICIT), None)
+    title = None if left_out is None else f"not shown: {EXPLICIT}, {left_out:.1f}"
+    ax.legend(title=title, title_fontsize=8, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure
 
 
@@ -382,7 +384,9 @@ def _draw_worlds(comparison: Comparison) -> "Figure":
             100 * (1 - r.played[split][name].cost.mean() / r.played[split][NO_PHASE].cost.mean())
             for r in comparison.results
         ]
-        ax.plot(range(len(saved)), saved, markers[name], color=colours[k], label=f"{name}, mean {np.mean(saved):.1f}")
+        # Side by side, as many are nearly equal.
+        at = np.arange(len(saved)) + 0.1 * (k - (len(names) - 1) / 2)
+        ax.plot(at, saved, markers[name], color=colours[k], label=f"{name}, mean {np.mean(saved):.1f}")
     ax.set_xticks(range(len(comparison.results)), [f"world {r.seed}" for r in comparison.results])
     ax.set_ylabel("cheaper than the\noptimum without phase [%]")
     ax.set_title(f"{comparison.title}: {_label(comparison)}", fontsize=10)

@@ -166,9 +166,10 @@ def _draw_cases(sensitivity: Sensitivity) -> "Figure":
     ax = figure.subplots()
     at = np.arange(len(sensitivity.others))[::-1]
     for name, marker in zip(SHOWN, "|soD^*", strict=True):
-        ax.plot(
-            [result.row(name).cost for result in sensitivity.others], at, marker, color=_COLOURS[name], ms=7, label=name
-        )
+        cost = [result.row(name).cost for result in sensitivity.others]
+        # A stroke through what lies on it.
+        size, order = (14, 3) if name == NO_PHASE else (7, 2)
+        ax.plot(cost, at, marker, color=_COLOURS[name], ms=size, zorder=order, label=name)
     ax.set_yticks(at, [result.case.label for result in sensitivity.others])
     ax.set_xlabel("cost per episode [s]")
     ax.set_title(f"{sensitivity.title}: SYNTHETIC unseen people", fontsize=10)

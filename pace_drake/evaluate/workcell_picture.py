@@ -72,7 +72,7 @@ def render_workcell(
     image = query.RenderColorImage(
         ColorRenderCamera(core),
         scene_graph.world_frame_id(),
-        _look_at(np.array([1.15, -2.75, 1.15]), np.array([0.72, 0.0, 0.17])),
+        _look_at(np.array([1.19, -3.05, 1.20]), np.array([0.70, 0.0, 0.07])),
     )
     pixels = np.asarray(image.data)[:, :, :3].astype(float)
     pixels = pixels.reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
