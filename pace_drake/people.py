@@ -264,12 +264,17 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     )
 
 
-def _alignment(config: EstimatorConfig, reference: Demonstration, period: float) -> OpenEndSoftDTW:
+def _alignment(
+    config: EstimatorConfig, reference: Demonstration, period: float, *, tempo_free: bool = False
+) -> OpenEndSoftDTW:
+    """That of the paper; or one that does not lag behind fast people, as no path is favoured for its few cells."""
     return OpenEndSoftDTW(
         reference.resample(period).p_WH,
         config.gamma,
         cast(Distance, config.distance),
         config.window,
+        steps="symmetric2" if tempo_free else "symmetric1",
+        normalization="steps" if tempo_free else "none",
         sample_period=period,
     )
 
@@ -281,15 +286,15 @@ def _ensemble(
     training: list[Demonstration],
     period: float,
 ) -> MedianPhase:
-    """The alignment with the reference, and those with one trial of each known person, by three distances."""
+    """The alignment, and others with the reference and one trial of each known person, by three distances."""
     firsts = {d.subject: d for d in reversed(training)}
     references = [reference, *(firsts[subject] for subject in sorted(firsts))]
     others = [replace(config, distance=distance, gamma=gamma) for distance, gamma in _ENSEMBLE_GAMMA.items()]
     return MedianPhase(
         [
             alignment,
-            *(_alignment(config, one, period) for one in references[1:]),
-            *(_alignment(other, one, period) for other in others for one in references),
+            *(_alignment(config, one, period, tempo_free=True) for one in references[1:]),
+            *(_alignment(other, one, period, tempo_free=True) for other in others for one in references),
         ]
     )
 
