@@ -111,7 +111,7 @@ class _Run:
         self.scenario, self.policy, self.real_person, self.yes = scenario, policy, real_person, yes
         self.console = Console()
         self.out = choose_folder(out, f"{scenario.name}-bridge")
-        self.people: People = load_people(scenario)
+        self.people: People = load_people(scenario, tracked=real_person)
         self.episode = self._draw_episode(seed)
         self.lines: SimpleQueue[str] = SimpleQueue()
 
