@@ -93,6 +93,8 @@ def command(
             lcm.HandleSubscriptions(0)
             sample.utime, sample.p_WH = int(1e6 * time.time()), p_WH.tolist()
             lcm.Publish(channels.person_hand_channel, sample.encode())
+            if people.description.startswith("SYNTHETIC"):  # so that nobody takes it for a recording
+                lcm.Publish(channels.synthetic_hand_channel, people.description.encode())
             sample.sequence += 1
             if with_robot and action > before and before not in joint_actions:
                 button.utime = sample.utime

@@ -148,13 +148,13 @@ def _action(content: object, where: str, sample_period: float) -> ActionEstimato
     one = _mapping(content, where, known)
     calibration = _mapping(one["calibration"], f"{where}.calibration", {field.name for field in fields(Calibration)})
     numbers: dict[str, Any] = {}
-    for field in fields(Calibration):
-        at, value = f"{where}.calibration.{field.name}", calibration[field.name]
-        if field.type is float:
-            numbers[field.name] = _number(value, at)
+    for number in fields(Calibration):
+        at, value = f"{where}.calibration.{number.name}", calibration[number.name]
+        if number.type is float:
+            numbers[number.name] = _number(value, at)
         else:
             require(isinstance(value, list), at, f"must be a list of numbers, is {value!r}")
-            numbers[field.name] = tuple(_number(one, at) for one in value)
+            numbers[number.name] = tuple(_number(one, at) for one in value)
     try:
         reference = samples(one["reference"], "reference", (-1, -1), "a list of samples")
         d = reference.shape[1]

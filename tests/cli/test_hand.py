@@ -40,10 +40,14 @@ def heard(lcm, channel, lcm_type):
 
 def test_a_synthetic_person_is_called_so_and_works_through_the_task(lcm, short, capsys):
     samples, presses = heard(lcm, "PACE_HAND", lcmt_pace_hand), heard(lcm, "PACE_OPERATOR", lcmt_pace_operator)
+    marks = []
+    lcm.Subscribe("PACE_HAND_SYNTHETIC", marks.append)
     assert pace("hand", short, *FAST, "--rate", 50) == 0
     said = capsys.readouterr().out
     lcm.HandleSubscriptions(0)
     assert "SYNTHETIC" in said
+    assert len(marks) == len(samples)  # and whoever records the hand hears it, too
+    assert marks[0].startswith(b"SYNTHETIC")
     assert f"{len(samples)} samples sent" in said
     assert [sample.sequence for sample in samples] == list(range(len(samples)))
     assert 50 * 5 < len(samples) < 50 * 25  # the actions take 11.5 s on average
