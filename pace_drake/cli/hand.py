@@ -51,7 +51,7 @@ def command(
     A stand-in for a tracker. This person does not wait for a robot, and does their part of a joint action as if it were
     there; with --with-robot they begin when lcm.state_channel says that the collaboration has, wait where it says that
     the robot is not ready, and say on lcm.operator_channel when they have finished something by themselves. Positions
-    in world [m].
+    in world [m]; those of a recording as they stand in it.
     """
     import json
     import time
@@ -69,7 +69,7 @@ def command(
     require(isfinite(rate * speed), "--rate, --speed", "must be numbers")
     extra = () if recording is None else (f"human.demonstrations={json.dumps(recording)}",)
     loaded = load_scenario(scenario, (*overrides, *extra))
-    people = load_people(loaded)
+    people = load_people(loaded, tracked=True)  # it stands for a tracker, whose hand nobody moves
     lcm = open_lcm(replace(loaded.lcm, url=url))
     channels, joint_actions = loaded.lcm, loaded.task.human_index_of_joint
     state = Inbox(lcm, channels.state_channel, lcmt_pace_state)
