@@ -72,14 +72,15 @@ def test_the_same_seed_is_the_same_motion(lcm, short):
 def test_a_recording_is_played(lcm, short, tmp_path, capsys):
     path = tmp_path / "hand.csv"
     recorded = generate_demonstrations(num_subjects=2, num_trials=1).demonstrations
-    write_demonstrations(path, [replace(d, p_WH=d.p_WH + [0.0, 0.0, 1.0]) for d in recorded])  # in another place
+    up = np.array([0.0, 0.0, 1.0])  # [m]
+    write_demonstrations(path, [replace(d, p_WH=d.p_WH + up) for d in recorded])  # in another place
     samples = heard(lcm, "HAND", lcmt_pace_hand)
     assert pace("hand", short, *FAST, "--hand", path, "--rate", 10, "--set", "lcm.person_hand_channel=HAND") == 0
     said = capsys.readouterr().out
     assert "hand.csv" in said
     assert "SYNTHETIC" in said  # through a file they are no recordings either
     lcm.HandleSubscriptions(0)
-    np.testing.assert_allclose(samples[5].p_WH, recorded[1].p_WH[5] + [0.0, 0.0, 1.0], atol=1e-6)  # and not moved
+    np.testing.assert_allclose(samples[5].p_WH, recorded[1].p_WH[5] + up, atol=1e-6)  # and not moved
     assert len(samples) > 300  # as long as the recordings, not as the scenario's durations
 
 
