@@ -89,7 +89,7 @@ class Assembly(Diagram):
         policy: answers the decisions; None exports the input ``assist`` for an adapter.
         station: a Diagram with the station ports (docs/design.md), or None for the task level.
         motions: planned motions; needed with a station.
-        people: None loads those of the scenario.
+        people: None loads those of the scenario; with a real person, ``load_people(scenario, tracked=True)``.
         logged: outputs of the station to be logged at every step of the plant (``plant_log``), such as ``JOINT_LOG``
             or ``FULL_LOG``; then the desired position is logged, too, and at every look of a safety monitor
             its hand_distance and speed_scale.
@@ -131,7 +131,13 @@ class Assembly(Diagram):
         )
         task = scenario.task
         self.scenario = scenario
-        self.people = people or load_people(scenario)
+        self.people = people or load_people(scenario, tracked=person is not None)
+        require(
+            person is None or not self.people.shift.any(),
+            "human.workplace",
+            "recordings were moved there, and a tracked hand is not: load_people(scenario, tracked=True), or set it to"
+            " []",
+        )
         compiled = compile_chart(load_chart(scenario.chart_path()))
         parameters = {
             "M": task.num_robot_tasks,

@@ -1,11 +1,12 @@
 """Whose hands a scenario sees: the demonstrations that are played and the references they are compared with."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
@@ -56,6 +57,8 @@ class People:
             joint actions and for recordings, which are all played.
         rescale: whether durations are drawn and time axes rescaled to them (paper, Sec. IV-C), or kept as recorded.
         description: one line for people: where the hands come from.
+        shift: (3) [m] by which the recordings were moved to the scenario's workplace, and with them whatever stands in
+            an estimator file.
     """
 
     demonstrations: list[list[Demonstration]]
@@ -63,6 +66,7 @@ class People:
     training: list[list[Demonstration]]
     rescale: bool
     description: str
+    shift: NDArray = field(default_factory=lambda: np.zeros(3))
 
     def estimators(self, scenario: Scenario) -> list[Estimator | None]:
         """The phase estimator of each human action, None for joint actions.
@@ -74,7 +78,7 @@ class People:
             InputError: the estimator file cannot be used, or an action is to be fused that nothing calibrates.
         """
         period = scenario.human.sample_period
-        tuned = _estimator_file(scenario)
+        tuned = self._tuned(scenario)
         estimators: list[Estimator | None] = []
         for action, reference, training in zip(
             scenario.task.human_actions, self.references, self.training, strict=True
@@ -106,7 +110,8 @@ class People:
     def end_detectors(self, scenario: Scenario, estimators: list[Estimator | None]) -> list[EndDetector | None]:
         """The end detector of each human action; None for joint actions, and everywhere if only the button counts.
 
-        The hand ends an action where it does in the training trials, or, without any, in the reference.
+        The hand ends an action where it does in the demonstrations that its estimator was tuned on; where no file says
+        so, in the training trials, or, without any, in the reference.
 
         Args:
             scenario: says whether the hand counts.
@@ -117,6 +122,7 @@ class People:
         """
         if scenario.human.monitor == "button":
             return [None] * len(self.references)
+        tuned = self._tuned(scenario)
         detectors: list[EndDetector | None] = []
         for action, estimator, reference, training in zip(
             scenario.task.human_actions, estimators, self.references, self.training, strict=True
@@ -129,9 +135,17 @@ class People:
                     f"human.monitor: the end of {action.name} cannot be detected without a calibrated filter; name an"
                     " estimator_file (pace tune), or use the button"
                 )
-            goal = np.mean([d.p_WH[-1] for d in (reference, *training)], axis=0)
+            if action.name in tuned:
+                goal = tuned[action.name].goal
+            else:
+                goal = np.mean([d.p_WH[-1] for d in (reference, *training)], axis=0)
             detectors.append(EndDetector(estimator, goal))
         return detectors
+
+    def _tuned(self, scenario: Scenario) -> Mapping[str, ActionEstimator]:
+        """What the estimator file says of each action, where the recordings are."""
+        found = _estimator_file(scenario)
+        return {name: one.moved(self.shift) for name, one in found.items()} if self.shift.any() else found
 
     @property
     def subjects(self) -> tuple[str, ...]:
@@ -180,14 +194,19 @@ class People:
         return replace(episode, human=human)
 
 
-def load_people(scenario: Scenario) -> People:
+def load_people(scenario: Scenario, *, tracked: bool = False) -> People:
     """Makes or reads the demonstrations that a scenario names.
 
     A recording is matched to human actions by its ``action`` labels; a file without a matching label is played in
     every non-joint action. With recordings of two people or more, the reference is the first person's recording of
     median length and the others' are played; with one person, their recording of median length is the reference and
     the rest are played; a single recording is compared with the scenario's synthetic reference, and says so. All are
-    moved to the scenario's workplace by one vector.
+    moved to the scenario's workplace by one vector, unless the hand that they are compared with is a real one.
+
+    Args:
+        scenario: names them.
+        tracked: whether they are for a real, tracked person. Their hand is in the world frame and is not moved, so
+            neither are recordings: they must be in the world frame, too.
 
     Raises:
         InputError: a file that cannot be used.
@@ -196,7 +215,10 @@ def load_people(scenario: Scenario) -> People:
     names = [None if action.joint else action.name for action in scenario.task.human_actions]
     if config.demonstrations == SYNTHETIC:
         return _synthetic(config, names)
-    recorded = _at_workplace(read_demonstrations(scenario.resolve(config.demonstrations)), config.workplace)
+    recorded = read_demonstrations(scenario.resolve(config.demonstrations))
+    shift = np.zeros(3) if tracked else _to_workplace(recorded, config.workplace)
+    if shift.any():
+        recorded = [replace(d, p_WH=d.p_WH + shift) for d in recorded]
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     notes: set[str] = set()
@@ -224,6 +246,7 @@ def load_people(scenario: Scenario) -> People:
         [[] for _ in names],
         False,
         f"{kind} hands from {config.demonstrations} ({'; '.join(sorted(notes))})",
+        shift,
     )
 
 
@@ -349,11 +372,11 @@ def _estimator_file(scenario: Scenario) -> Mapping[str, ActionEstimator]:
     return found.actions
 
 
-def _at_workplace(recorded: list[Demonstration], workplace: list[float]) -> list[Demonstration]:
+def _to_workplace(recorded: list[Demonstration], workplace: list[float]) -> NDArray:
+    """The vector from the mean of the recordings to the workplace; zero without one."""
     if not workplace:
-        return recorded
-    shift = np.array(workplace) - np.mean(np.concatenate([d.p_WH for d in recorded]), axis=0)
-    return [replace(d, p_WH=d.p_WH + shift) for d in recorded]
+        return np.zeros(3)
+    return np.array(workplace) - np.mean(np.concatenate([d.p_WH for d in recorded]), axis=0)
 
 
 def _reference_and_rest(recorded: list[Demonstration]) -> tuple[Demonstration | None, list[Demonstration]]:

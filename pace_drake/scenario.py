@@ -63,7 +63,8 @@ class HumanConfig:
     hand and the button), or ``button`` (the exported input ``button`` alone)."""
     workplace: list[float] = field(default_factory=lambda: [0.85, 0.0, 0.15])
     """[m] in world: recordings are moved, all by one vector, so that their mean lies here, as their frame is the
-    recorder's; empty: they are in the world frame already. Differences, and so phases, are not changed."""
+    recorder's; empty: they are in the world frame already. References move with them, so that phases stay the same.
+    With a real, tracked person nothing is moved: recordings must then be in the world frame."""
 
 
 @dataclass(kw_only=True)

@@ -124,6 +124,20 @@ def test_an_estimator_file_replaces_what_the_scenario_says(tmp_path):
     assert estimators[1] is None
 
 
+def test_an_estimator_file_moves_with_the_recordings(tmp_path):
+    """Its positions are in the recorder's frame, as theirs are."""
+    tuned = estimator_file(tmp_path / "tuned.yaml")
+    path = tmp_path / "hand.npz"
+    write_demonstrations(path, [recording("A", "1", 20), recording("B", "1", 23)])
+    overrides = (f"estimator_file={tmp_path / 'tuned.yaml'}", f"human.demonstrations={path}")
+    moved = load_scenario("ikea_chair", overrides)
+    people = load_people(moved)
+    np.testing.assert_allclose(people.estimators(moved)[0].estimator.reference, tuned.reference + people.shift)
+    for scenario, tracked in ((load_scenario("ikea_chair", (*overrides, "human.workplace=[]")), False), (moved, True)):
+        people = load_people(scenario, tracked=tracked)
+        np.testing.assert_array_equal(people.estimators(scenario)[0].estimator.reference, tuned.reference)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

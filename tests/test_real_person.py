@@ -3,6 +3,8 @@
 The person is scripted, by a ``Human`` of its own that sees nothing but whether the robot is ready.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.lcm import DrakeLcm
@@ -10,10 +12,17 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 
+from pace_drake.demos import generate_demonstrations, read_demonstrations, write_demonstrations
+from pace_drake.demos.signals import folder_signals
 from pace_drake.diagram import Assembly
+from pace_drake.dtw.estimator_file import write_estimator_file
+from pace_drake.dtw.tune import Setting, Tuned
 from pace_drake.errors import InputError
+from pace_drake.evaluate.tuning import estimator_file
 from pace_drake.lcm.types import lcmt_pace_decision, lcmt_pace_operator, lcmt_pace_state
+from pace_drake.people import load_people
 from pace_drake.policies.factory import make_policy
+from pace_drake.scenario import load_scenario
 from pace_drake.systems.human import Human
 from pace_drake.systems.observed_person import ObservedPerson
 from pace_drake.systems.tracked_person import TrackedPerson
@@ -283,6 +292,85 @@ def test_who_tells_nothing_cannot_be_told_of():
     with pytest.raises(InputError, match=r"^human\.monitor: .* must be detector or button") as raised:
         Assembly(scenario, None, reaction_period=PERIOD, person=TrackedPerson(scenario.lcm, lcm))
     assert "\n" not in str(raised.value)
+
+
+#: [m] from where the synthetic hands are to where the recordings of these tests are.
+ELSEWHERE = np.array([-0.3, 0.25, 0.1])
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """A folder with a file of SYNTHETIC recordings, somewhere else in the world than the default workplace."""
+    folder = tmp_path_factory.mktemp("people")
+    shown = generate_demonstrations(num_subjects=3, num_trials=2).demonstrations
+    write_demonstrations(folder / "hands.npz", [replace(d, p_WH=d.p_WH + ELSEWHERE) for d in shown])
+    return folder
+
+
+def follow(scenario, demonstration, until=lambda output: False, rest=0.0):
+    """A tracked hand that does what a demonstration shows and then rests: times [s] and phases until then."""
+    lcm = DrakeLcm("memq://")
+    assembly = Assembly(scenario, None, reaction_period=PERIOD, person=TrackedPerson(scenario.lcm, lcm))
+    simulator = Simulator(assembly)
+    context = simulator.get_mutable_context()
+
+    def output(name):
+        return assembly.GetOutputPort(name).Eval(context)[0]
+
+    times, phases = [], []
+    while context.get_time() < demonstration.duration + rest and not until(output):
+        time = context.get_time()
+        lcm.Publish("PACE_HAND", hand(len(times), demonstration.position(time)))
+        lcm.HandleSubscriptions(0)
+        simulator.AdvanceTo((len(times) + 1) * PERIOD)
+        times.append(time)
+        phases.append(output("phase"))
+    return np.array(times), np.array(phases)
+
+
+def test_a_tracked_hand_is_compared_with_recordings_where_they_were_made(recordings):
+    """By the Euclidean distance, to which the place matters; if they were moved, the error would be 0.5."""
+    path = recordings / "hands.npz"
+    scenario = load_scenario(
+        "ikea_chair",
+        (
+            f"human.demonstrations={path}",
+            "human.monitor=button",
+            "estimator.place_rails={distance: euclidean, gamma: 0.0}",
+        ),
+    )
+    moved = load_people(scenario)
+    raw = next(d for d in read_demonstrations(path) if d.name == moved.references[0].name)
+    times, phases = follow(scenario, raw)
+    assert np.sqrt(np.mean((phases - times / raw.duration) ** 2)) < 0.01
+    assert np.linalg.norm(moved.shift) > 0.1
+    person = TrackedPerson(scenario.lcm, DrakeLcm("memq://"))
+    with pytest.raises(InputError, match=r"^human\.workplace: recordings were moved there") as raised:
+        Assembly(scenario, None, person=person, people=moved)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("demonstrations", ["synthetic", "hands.npz"])
+def test_an_estimator_file_says_where_a_tracked_hand_s_actions_end(recordings, tmp_path, demonstrations):
+    """Whoever else the scenario names: SYNTHETIC people come to rest somewhere else, as ends would be said late."""
+    signals = folder_signals(recordings)
+    settings = [Setting("euclidean", 0.05, 1.0, 0) for _ in signals.actions]
+    tuned = [Tuned(setting, 0.0, 0.0, 1) for setting in settings]
+    write_estimator_file(tmp_path / "tuned.yaml", estimator_file(signals, tuned))
+    named = demonstrations if demonstrations == "synthetic" else recordings / demonstrations
+    scenario = load_scenario(
+        "ikea_chair",
+        (
+            f"human.demonstrations={named}",
+            "human.monitor=detector",
+            f"estimator_file={tmp_path / 'tuned.yaml'}",
+            "estimator.place_rails.fused=true",
+        ),
+    )
+    rails = generate_demonstrations(num_subjects=3, num_trials=2).of("place_rails")[-1]
+    demonstration = replace(rails, p_WH=rails.p_WH + ELSEWHERE)
+    times, _ = follow(scenario, demonstration, lambda output: output("human_action") == 2, rest=10.0)
+    assert abs(times[-1] - demonstration.duration) < 1.0
 
 
 def obedient_arm(home):

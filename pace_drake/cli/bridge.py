@@ -106,12 +106,15 @@ class _Run:
     ) -> None:
         from rich.console import Console
 
+        from pace_drake.bridge.synthetic import synthetic_parts
         from pace_drake.people import load_people
 
         self.scenario, self.policy, self.real_person, self.yes = scenario, policy, real_person, yes
         self.console = Console()
         self.out = choose_folder(out, f"{scenario.name}-bridge")
-        self.people: People = load_people(scenario)
+        self.people: People = load_people(scenario, tracked=real_person)
+        self.played = ""  # what `pace hand` says of the hand that it sends in place of a tracker
+        self.synthetic = synthetic_parts(scenario, self.people)
         self.episode = self._draw_episode(seed)
         self.lines: SimpleQueue[str] = SimpleQueue()
 
@@ -122,6 +125,11 @@ class _Run:
 
     def _say(self, line: str) -> None:
         self.console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+    def _hear_synthetic(self, data: bytes) -> None:
+        if self.real_person and not self.played:
+            self.played = f"not real: {data.decode(errors='replace')}"
+            self._say(f"warning: the hand is {self.played}")
 
     def execute(self) -> None:
         """Runs the collaboration and writes everything."""
@@ -138,6 +146,11 @@ class _Run:
             if self.real_person
             else f"nobody is there: the person is simulated ({self.people.description})"
         )
+        if self.real_person and self.synthetic:
+            self._say(
+                f"warning: the person is real, but of SYNTHETIC people are: {'; '.join(self.synthetic)} "
+                "(docs/hardware.md, step 6)"
+            )
         make_folder(self.out)
         episode = json.dumps(episode_to_json(self.episode)) + "\n"
         write_whole(self.out / "scenario.yaml", lambda part: part.write_text(self.scenario.to_yaml(), encoding="utf-8"))
@@ -160,6 +173,7 @@ class _Run:
         """Finds the robot and checks it; where it is not ready, nothing is left of the attempt."""
         from pace_drake.bridge.session import Session
 
+        link.Subscribe(self.scenario.lcm.synthetic_hand_channel, self._hear_synthetic)
         try:
             with self.console.status("planning the robot's motions"):
                 session = Session(
@@ -280,7 +294,8 @@ class _Run:
         summary = {
             "pace_drake": __version__,
             "scenario": scenario.name,
-            "people": "real, tracked" if self.real_person else self.people.description,
+            "people": (self.played or "real, tracked") if self.real_person else self.people.description,
+            "synthetic": self.synthetic,
             "policy": scenario.policy,
             "level": "hardware",
             "finished": finished,

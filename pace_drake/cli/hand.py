@@ -51,7 +51,7 @@ def command(
     A stand-in for a tracker. This person does not wait for a robot, and does their part of a joint action as if it were
     there; with --with-robot they begin when lcm.state_channel says that the collaboration has, wait where it says that
     the robot is not ready, and say on lcm.operator_channel when they have finished something by themselves. Positions
-    in world [m].
+    in world [m]; those of a recording as they stand in it.
     """
     import json
     import time
@@ -69,7 +69,7 @@ def command(
     require(isfinite(rate * speed), "--rate, --speed", "must be numbers")
     extra = () if recording is None else (f"human.demonstrations={json.dumps(recording)}",)
     loaded = load_scenario(scenario, (*overrides, *extra))
-    people = load_people(loaded)
+    people = load_people(loaded, tracked=True)  # it stands for a tracker, whose hand nobody moves
     lcm = open_lcm(replace(loaded.lcm, url=url))
     channels, joint_actions = loaded.lcm, loaded.task.human_index_of_joint
     state = Inbox(lcm, channels.state_channel, lcmt_pace_state)
@@ -93,6 +93,8 @@ def command(
             lcm.HandleSubscriptions(0)
             sample.utime, sample.p_WH = int(1e6 * time.time()), p_WH.tolist()
             lcm.Publish(channels.person_hand_channel, sample.encode())
+            if people.description.startswith("SYNTHETIC"):  # so that nobody takes it for a recording
+                lcm.Publish(channels.synthetic_hand_channel, people.description.encode())
             sample.sequence += 1
             if with_robot and action > before and before not in joint_actions:
                 button.utime = sample.utime

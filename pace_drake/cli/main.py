@@ -16,7 +16,7 @@ class _Verbs(click.Group):
     _modules = (
         *("run", "train", "export", "sweep", "thresholds", "timeline", "view", "diagram"),
         *("scenarios", "demos", "tune", "evaluate", "chart"),
-        *("bridge", "replay", "driver", "hand", "operator"),
+        *("bridge", "replay", "driver", "hand", "record", "operator"),
     )
 
     def list_commands(self, ctx: click.Context) -> list[str]:

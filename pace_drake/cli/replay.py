@@ -75,7 +75,7 @@ def command(
     playback = Playback(messages, own)
     console = Console()
     teller = _Teller(console, playback)
-    people = load_people(loaded)
+    people = load_people(loaded, tracked=person == "lcm")
     session = Session(
         loaded,
         make_policy(loaded.policy, loaded),

@@ -6,10 +6,11 @@ It is parsed as plain data; nothing in it is executed.
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import yaml
 from numpy.typing import NDArray
 
@@ -32,6 +33,8 @@ class ActionEstimator:
         reference: (n, d).
         calibration: of the filter over it.
         score: errors that tuning saw, by name; for people.
+        goal: (d,) where the action ends: the mean last sample of the demonstrations. By default, and in a file without
+            it, the reference's last sample.
     """
 
     distance: Distance
@@ -41,6 +44,15 @@ class ActionEstimator:
     reference: NDArray
     calibration: Calibration
     score: dict[str, float]
+    goal: NDArray = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if not self.goal.size:
+            object.__setattr__(self, "goal", self.reference[-1])
+
+    def moved(self, shift: NDArray) -> "ActionEstimator":
+        """The same elsewhere, by ``shift`` (d,)."""
+        return replace(self, reference=self.reference + shift, goal=self.goal + shift)
 
     def alignment(self, sample_period: float) -> OpenEndSoftDTW:
         """Open-end soft-DTW alone; ``sample_period`` in [s]."""
@@ -81,6 +93,7 @@ def write_estimator_file(path: str | os.PathLike[str], content: EstimatorFile) -
             "window": one.window,
             "score": dict(one.score),
             "calibration": asdict(one.calibration),
+            "goal": one.goal.tolist(),
             "reference_name": one.reference_name,
             "reference": one.reference.tolist(),
         }
@@ -130,25 +143,31 @@ def read_estimator_file(path: str | os.PathLike[str]) -> EstimatorFile:
 
 def _action(content: object, where: str, sample_period: float) -> ActionEstimator:
     known = {field.name for field in fields(ActionEstimator)}
+    if isinstance(content, dict) and "goal" not in content:
+        known.remove("goal")  # which the first files did not say
     one = _mapping(content, where, known)
     calibration = _mapping(one["calibration"], f"{where}.calibration", {field.name for field in fields(Calibration)})
     numbers: dict[str, Any] = {}
-    for field in fields(Calibration):
-        at, value = f"{where}.calibration.{field.name}", calibration[field.name]
-        if field.type is float:
-            numbers[field.name] = _number(value, at)
+    for number in fields(Calibration):
+        at, value = f"{where}.calibration.{number.name}", calibration[number.name]
+        if number.type is float:
+            numbers[number.name] = _number(value, at)
         else:
             require(isinstance(value, list), at, f"must be a list of numbers, is {value!r}")
-            numbers[field.name] = tuple(_number(one, at) for one in value)
+            numbers[number.name] = tuple(_number(one, at) for one in value)
     try:
+        reference = samples(one["reference"], "reference", (-1, -1), "a list of samples")
+        d = reference.shape[1]
+        goal = one.get("goal", reference[-1])
         action = ActionEstimator(
             cast(Distance, one["distance"]),
             _number(one["gamma"], "gamma"),
             _number(one["window"], "window"),
             str(one["reference_name"]),
-            samples(one["reference"], "reference", (-1, -1), "a list of samples"),
+            reference,
             Calibration(**numbers),
             {str(name): _number(value, f"score.{name}") for name, value in _mapping(one["score"], "score").items()},
+            samples(goal, "goal", (d,), f"a vector of {d} values"),
         )
         action.alignment(sample_period)  # whether the settings go together
     except InputError as error:

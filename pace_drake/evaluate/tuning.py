@@ -190,5 +190,6 @@ def estimator_file(signals: SignalSet, tuned: Iterable[Tuned]) -> EstimatorFile:
             reference.values,
             fused_estimator(action, one).calibration,
             score,
+            np.mean([signal.values[-1] for signal in action.train], axis=0),
         )
     return EstimatorFile(signals.description, signals.actions[0].train[0].sample_period, signals.units, actions)

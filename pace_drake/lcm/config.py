@@ -61,6 +61,11 @@ class LcmConfig:
     gripper_force: float = 40.0
     """[N] grasp force when closing."""
 
+    @property
+    def synthetic_hand_channel(self) -> str:
+        """Where `pace hand` says, as text and beside each sample, whose hand it plays if that is SYNTHETIC."""
+        return f"{self.person_hand_channel}_SYNTHETIC"
+
     def validate(self) -> None:
         """Checks every field; ``yaml_load_typed`` sets them after construction, so a constructor could not.
 

@@ -12,7 +12,7 @@ from pace_drake.lcm.types import lcmt_pace_hand
 #: [m] from the world's origin; a hand that is farther away has been measured in other units.
 FARTHEST = 10.0
 #: Samples by which one may come too late to be one out of order; beyond, the tracker has been started anew.
-_REORDERED = 100
+REORDERED = 100
 
 _POSITION = slice(2, 5)
 
@@ -63,7 +63,7 @@ class HandReceiver(InboxReceiver):
             channel,
             lcmt_pace_hand,
             stamp=lambda sample: sample.sequence,
-            restart=_REORDERED,
+            restart=REORDERED,
             check=wrong_with,
         )
         super().__init__(inbox, np.full(3, np.nan), "hand_age")

@@ -7,9 +7,11 @@ import sys
 import time
 
 import pytest
+from pydrake.lcm import DrakeLcm
 
 from pace_drake.bridge.lcm_log import LcmLog
 from pace_drake.bridge.retrace import episode_to_json
+from pace_drake.errors import InputError
 from tests.bridge.conftest import make_parts
 from tests.bridge.rig import Rig
 from tests.cli.test_run import pace, refused
@@ -98,6 +100,34 @@ def test_bridge_does_not_write_over_a_folder(tmp_path, capsys):
     url = "u" + "dpm://239.255.76.67:7699?ttl=0"  # refused before it is opened
     line = refused(capsys, "bridge", "--person", "simulated", "--out", tmp_path, "--lcm-url", url)
     assert "exists and is not empty" in line
+
+
+def test_with_a_real_person_what_is_of_synthetic_ones_is_said(tmp_path, monkeypatch, capsys):
+    lcm = DrakeLcm("memq://")
+    monkeypatch.setattr("pace_drake.lcm.url.open_lcm", lambda config: lcm)
+
+    def connect(session):
+        lcm.Publish("PACE_HAND_SYNTHETIC", b"SYNTHETIC people (seed 0)")  # as `pace hand` does
+        lcm.HandleSubscriptions(0)
+
+    def end(run, session):
+        run._report(session, False)
+        assert json.loads((run.out / "summary.json").read_text())["synthetic"] == run.synthetic
+        assert json.loads((run.out / "summary.json").read_text())["people"] == "not real: SYNTHETIC people (seed 0)"
+        raise InputError("this is the end")
+
+    monkeypatch.setattr("pace_drake.bridge.session.Session.connect", connect)
+    monkeypatch.setattr("pace_drake.cli.bridge._WATCHING_TIME", 0.0)
+    monkeypatch.setattr("pace_drake.cli.bridge._Run._check", end)
+    url = "u" + "dpm://239.255.76.67:7699?ttl=0"  # never opened
+    out = ("--out", tmp_path / "run", "--set", "human.monitor=button", "--lcm-url", url)
+    assert pace("bridge", *out) == 2
+    said = capsys.readouterr()
+    assert "this is the end" in said.err
+    (line,) = [one for one in said.out.splitlines() if one.startswith("warning: the person is real")]
+    assert "of SYNTHETIC people are: references and durations of place_rails, place_screws, tighten_screws" in line
+    assert "policy learned" in line
+    assert "warning: the hand is not real: SYNTHETIC people (seed 0)" in said.out
 
 
 @pytest.mark.hardware

@@ -1,5 +1,7 @@
 """pace hand: publishes a person's hand; with a robot, somebody who waits for it and presses the button."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.lcm import DrakeLcm
@@ -40,10 +42,14 @@ def heard(lcm, channel, lcm_type):
 
 def test_a_synthetic_person_is_called_so_and_works_through_the_task(lcm, short, capsys):
     samples, presses = heard(lcm, "PACE_HAND", lcmt_pace_hand), heard(lcm, "PACE_OPERATOR", lcmt_pace_operator)
+    marks = []
+    lcm.Subscribe("PACE_HAND_SYNTHETIC", marks.append)
     assert pace("hand", short, *FAST, "--rate", 50) == 0
     said = capsys.readouterr().out
     lcm.HandleSubscriptions(0)
     assert "SYNTHETIC" in said
+    assert len(marks) == len(samples)  # and whoever records the hand hears it, too
+    assert marks[0].startswith(b"SYNTHETIC")
     assert f"{len(samples)} samples sent" in said
     assert [sample.sequence for sample in samples] == list(range(len(samples)))
     assert 50 * 5 < len(samples) < 50 * 25  # the actions take 11.5 s on average
@@ -65,13 +71,16 @@ def test_the_same_seed_is_the_same_motion(lcm, short):
 
 def test_a_recording_is_played(lcm, short, tmp_path, capsys):
     path = tmp_path / "hand.csv"
-    write_demonstrations(path, generate_demonstrations(num_subjects=2, num_trials=1).demonstrations)
+    recorded = generate_demonstrations(num_subjects=2, num_trials=1).demonstrations
+    up = np.array([0.0, 0.0, 1.0])  # [m]
+    write_demonstrations(path, [replace(d, p_WH=d.p_WH + up) for d in recorded])  # in another place
     samples = heard(lcm, "HAND", lcmt_pace_hand)
     assert pace("hand", short, *FAST, "--hand", path, "--rate", 10, "--set", "lcm.person_hand_channel=HAND") == 0
     said = capsys.readouterr().out
     assert "hand.csv" in said
     assert "SYNTHETIC" in said  # through a file they are no recordings either
     lcm.HandleSubscriptions(0)
+    np.testing.assert_allclose(samples[5].p_WH, recorded[1].p_WH[5] + up, atol=1e-6)  # and not moved
     assert len(samples) > 300  # as long as the recordings, not as the scenario's durations
 
 

@@ -16,6 +16,7 @@ CALIBRATION = Calibration(1.0 / 3.0, 0.1, (-0.01, 0.0), (0.2,), (0.1, 1e-5, 0.3)
 ROWS = ActionEstimator(
     "wp", 0.1 + 0.2, 0.8, "row/S1/T1", rng.normal(size=(12, 3)), CALIBRATION, {"train_mse": 1e-7, "trials": 60.0}
 )
+ROWS = replace(ROWS, goal=np.array([0.1, 0.2, 1.0 / 3.0]))
 CONTENT = EstimatorFile("SYNTHETIC 3 people", 0.1, "m", {"row": ROWS, "lift up": replace(ROWS, distance="euclidean")})
 
 
@@ -32,11 +33,18 @@ def test_what_is_written_is_read_back_exactly(path):
     for name, action in read.actions.items():
         expected = CONTENT.actions[name]
         assert (action.reference == expected.reference).all()
+        assert (action.goal == expected.goal).all()
         for field in ("distance", "gamma", "window", "reference_name", "calibration", "score"):
             assert getattr(action, field) == getattr(expected, field)
     again = path.with_name("again.yaml")
     write_estimator_file(again, read)
     assert again.read_bytes() == path.read_bytes()
+
+
+def test_without_a_goal_an_action_ends_where_its_reference_does(path):
+    """So it is in the files of earlier versions."""
+    edited(path, "actions", "row", "goal")
+    assert (read_estimator_file(path).actions["row"].goal == ROWS.reference[-1]).all()
 
 
 def test_its_estimators_are_those_of_the_settings(path):
@@ -89,7 +97,8 @@ def edited(path, *keys, value=None):
         (("actions", "row", "distance"), "manhattan", "actions.row: distance must be one of"),
         (("actions", "row", "score"), {"mse": "good"}, "actions.row: score.mse: must be a number"),
         (("actions", "row", "reference"), [[1.0, 2.0], [3.0]], "actions.row: reference must be a list of samples"),
-        (("actions", "row", "reference"), [[1.0, 2.0]], "actions.row: reference must have at least 2 samples"),
+        (("actions", "row", "reference"), [[1.0, 2.0, 3.0]], "actions.row: reference must have at least 2 samples"),
+        (("actions", "row", "goal"), [0.1, 0.2], "actions.row: goal must be a vector of 3 values"),
         (("actions", "row", "calibration", "slope"), None, "actions.row.calibration: has no 'slope'"),
         (("actions", "row", "calibration", "std"), [0.1, 0.0], "actions.row: std must be finite values > 0"),
         (("actions", "row", "calibration", "std"), 0.1, "actions.row.calibration.std: must be a list of numbers"),

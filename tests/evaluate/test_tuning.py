@@ -118,6 +118,7 @@ def test_the_estimator_file_holds_all_that_is_needed(tmp_path):
     assert (read.sample_period, read.units, list(read.actions)) == (PERIOD, "m", ["lift", "put down"])
     action = read.actions["put down"]
     assert action.reference_name == "put down/P2/T1"
+    np.testing.assert_allclose(action.goal, np.mean([one.values[-1] for one in signals.actions[1].train], axis=0))
     assert action.score == {"train_mse": 0.02, "trials": 7.0}  # a NaN is left out
     query = signals.actions[1].heldout_people[0].values
     expected = fused_estimator(signals.actions[1], tiny_tuned(reference=2))
