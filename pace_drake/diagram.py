@@ -13,7 +13,6 @@ from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.people import People, load_people
 from pace_drake.policies import Policy
 from pace_drake.scenario import Scenario
-from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
@@ -30,6 +29,7 @@ from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.state_publisher import StatePublisher
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
+from pace_drake.task_chart import make_task_chart
 
 if TYPE_CHECKING:
     # What the plant level alone needs is imported where it is made: the task level starts without it.
@@ -132,15 +132,8 @@ class Assembly(Diagram):
         task = scenario.task
         self.scenario = scenario
         self.people = people or load_people(scenario)
-        compiled = compile_chart(load_chart(scenario.chart_path()))
-        parameters = {
-            "M": task.num_robot_tasks,
-            "L": task.num_joint_actions,
-            "D0": float(scenario.decide_at_start),
-            "Tdec": scenario.decision_timeout,
-            "Twait": scenario.wait_timeout,
-        }
-        declared = compiled.chart.parameters
+        task_chart = make_task_chart(scenario)
+        chart = task_chart.compiled.chart
         builder = DiagramBuilder()
 
         def add(system):
@@ -171,15 +164,7 @@ class Assembly(Diagram):
         self.pace_monitor: PaceMonitor | None = None
         if self.observation.HasInputPort("pace"):
             self.pace_monitor = add(PaceMonitor(task, reaction_period))
-        self.task_statechart: TaskStatechart = add(
-            TaskStatechart(
-                compiled,
-                compiled.parameters(**{name: value for name, value in parameters.items() if name in declared}),
-                # A first decision at t = 0 sees the last robot task as done (docs/departures.md).
-                compiled.initial_state(i=task.num_robot_tasks if scenario.decide_at_start else 1),
-                reaction_period,
-            )
-        )
+        self.task_statechart: TaskStatechart = add(TaskStatechart(*task_chart, reaction_period))
         self.safety_monitor: SafetyMonitor | None = None
         led = None
         if station is not None and scenario.safety.enabled:
@@ -208,7 +193,7 @@ class Assembly(Diagram):
         self.decision_publisher: DecisionPublisher | None = None
         self.state_publisher: StatePublisher | None = None
         if lcm is not None:
-            channels, chart = scenario.lcm, compiled.chart
+            channels = scenario.lcm
             self.decision_publisher = add(
                 DecisionPublisher(lcm, chart, OBSERVATION_SETS[seen], reaction_period, channels.decision_channel)
             )

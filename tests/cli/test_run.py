@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -181,6 +182,17 @@ def test_a_chart_with_an_unknown_guard_name(tmp_path, capsys):
     error = refused(capsys, *TASK, "--chart", path, "--out", tmp_path / "out")
     line = next(k for k, row in enumerate(path.read_text().splitlines(), 1) if "hand ==" in row)
     assert f"{path}:{line}: guard of 'w_joint' uses the unknown name 'hand'" in error
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "chart", ["examples/door.scxml", "statecharts/fig2_literal.scxml", "statecharts/query_latch.scxml"]
+)
+def test_a_chart_of_something_else_is_told_what_it_lacks(chart, tmp_path, capsys):
+    path = Path(__file__).resolve().parents[2] / chart
+    error = refused(capsys, *TASK, "--chart", path, "--out", tmp_path / "out")
+    assert f"{path}: no chart of the collaboration, it lacks inputs " in error
+    assert "joint_ready, robot_waiting, decision_index, variables i; begin with a copy of pace_task.scxml" in error
     assert not (tmp_path / "out").exists()
 
 
