@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from pace_drake.errors import InputError
+
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
@@ -25,6 +27,8 @@ def test_simulate(tmp_path, monkeypatch):
     cost = load("simulate").run(str(picture))
     assert 0 < cost < 200
     assert picture.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match=r"must end in \.png, \.svg or \.pdf"):
+        load("simulate").run(str(tmp_path / "phase.foo"))
 
 
 def test_train():

@@ -97,6 +97,7 @@ def command(
     from rich.console import Console
 
     from pace_drake.errors import InputError
+    from pace_drake.files import check_file, check_folder
     from pace_drake.scenario import load_scenario
 
     for option, given in (("--resume", resume), ("--patience", patience), ("--evaluate-every", evaluate_every)):
@@ -121,9 +122,10 @@ def command(
         path = out or Path(f"policy-{Path(scenario).stem}-{one}.onnx")
         if path.suffix != ".onnx":
             raise InputError(f"{path}: a policy file must end in .onnx")
-        if not path.parent.is_dir():
-            raise InputError(f"{path.parent}: no such folder for the policy")
         paths[one] = path.with_name(f"{path.stem}-{one}.onnx") if out and seeds > 1 else path
+        check_file(paths[one])
+    if tensorboard is not None:
+        check_folder(tensorboard)
     loaded = load_scenario(scenario, overrides)
     people = load_people(loaded)
     console = Console()

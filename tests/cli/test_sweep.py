@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -97,6 +98,22 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_no_process(interrupted, file):
     assert error.strip() == "pace: interrupted; 1 of 2 rows are in small.jsonl; run the same command again to go on"
     assert left == []
     assert parquet.read_table(file.with_suffix(".parquet")).to_pylist() == rows
+
+
+def test_ctrl_c_before_the_first_row(tmp_path, monkeypatch, capsys):
+    from pace_drake.cli import sweep
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep, "_run", interrupt)
+    monkeypatch.chdir(tmp_path)
+    example = Path(__file__).resolve().parents[2] / "examples" / "sweep.yaml"
+    assert pace("sweep", example) == 130
+    error = capsys.readouterr().err
+    said = r"pace: interrupted; none of \d+ is finished; run the same command again to go on"
+    assert re.fullmatch(said, error.strip())
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture(scope="module")
