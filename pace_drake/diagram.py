@@ -11,7 +11,7 @@ from pace_drake.errors import InputError, require
 from pace_drake.lcm.link import Lcm
 from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.people import People, load_people
-from pace_drake.policies import Policy
+from pace_drake.policies import Policy, check_policy
 from pace_drake.scenario import Scenario
 from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
@@ -86,7 +86,7 @@ class Assembly(Diagram):
 
     Args:
         scenario: a validated scenario.
-        policy: answers the decisions; None exports the input ``assist`` for an adapter.
+        policy: answers the decisions, a subclass of ``Policy``; None exports the input ``assist`` for an adapter.
         station: a Diagram with the station ports (docs/design.md), or None for the task level.
         motions: planned motions; needed with a station.
         people: None loads those of the scenario.
@@ -129,6 +129,8 @@ class Assembly(Diagram):
             "human.monitor",
             "a real person does not tell the robot what they do, must be detector or button, is 'told'",
         )
+        if policy is not None:
+            check_policy(policy)
         task = scenario.task
         self.scenario = scenario
         self.people = people or load_people(scenario)

@@ -18,7 +18,7 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    assert sorted(p.stem for p in EXAMPLES.glob("*.py")) == ["bridge", "own_chart", "simulate", "train"]
+    assert sorted(p.stem for p in EXAMPLES.glob("*.py")) == ["bridge", "own_chart", "own_policy", "simulate", "train"]
 
 
 def test_simulate(tmp_path, monkeypatch):
@@ -43,6 +43,11 @@ def test_bridge():
     assert accepted > 3900  # 200 Hz
     assert rejected == 0
     assert 0 < worst_error < 0.03  # [rad], lag of the peer's 30 Hz filter
+
+
+def test_own_policy():
+    costs = load("own_policy").run(50)
+    assert 0 < costs["own"] < costs["explicit query"]
 
 
 def test_own_chart():
