@@ -9,12 +9,14 @@ import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
 from pace_drake.learning.sweep import load_sweep
+from pace_drake.learning.sweep_runner import SweepLog
 from tests.cli.test_run import pace, refused
 
 pytestmark = pytest.mark.skipif(
@@ -114,6 +116,17 @@ def test_ctrl_c_before_the_first_row(tmp_path, monkeypatch, capsys):
     said = r"pace: interrupted; none of \d+ is finished; run the same command again to go on"
     assert re.fullmatch(said, error.strip())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_while_a_row_goes_to_the_disk_keeps_it(tmp_path, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    path = tmp_path / "log.jsonl"
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt), SweepLog(path) as log:
+        log.append(SimpleNamespace(key="k"), {"seed": 0})
+    assert [json.loads(line) for line in path.read_text().splitlines()] == [{"key": "k", "row": {"seed": 0}}]
 
 
 @pytest.fixture(scope="module")
