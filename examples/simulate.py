@@ -4,17 +4,21 @@ python examples/simulate.py [picture.png]
 """
 
 import sys
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from pace_drake.diagram import Assembly
+from pace_drake.errors import InputError
+from pace_drake.evaluate.timeline import check_picture
 from pace_drake.policies.factory import make_policy
 from pace_drake.scenario import load_scenario
 from pace_drake.simulation import Simulation, Stop
 
 
 def run(picture: str) -> float:
+    check_picture(Path(picture))
     scenario = load_scenario("ikea_chair")
     simulation = Simulation(Assembly(scenario, make_policy("phase_threshold", scenario)))
     simulation.reset(simulation.sample_episode(np.random.default_rng(1)))
@@ -34,4 +38,7 @@ def run(picture: str) -> float:
 
 
 if __name__ == "__main__":
-    run(sys.argv[1] if len(sys.argv) > 1 else "phase.png")
+    try:
+        run(sys.argv[1] if len(sys.argv) > 1 else "phase.png")
+    except InputError as error:
+        sys.exit(str(error))

@@ -8,9 +8,10 @@ from gymnasium.envs.registration import register
 
 __version__ = "0.1.0"
 
-register("PaceAssembly-v0", entry_point="pace_drake.envs.assembly_env:PaceAssemblyEnv")
-register(
-    "PaceAssemblyNoPhase-v0",
-    entry_point="pace_drake.envs.assembly_env:PaceAssemblyEnv",
-    kwargs={"observation": "none"},
-)
+for _id, _kwargs in (("PaceAssembly-v0", {}), ("PaceAssemblyNoPhase-v0", {"observation": "none"})):
+    register(
+        _id,
+        entry_point="pace_drake.envs.assembly_env:PaceAssemblyEnv",
+        vector_entry_point="pace_drake.envs.vector_env:PaceAssemblyVectorEnv",
+        kwargs=_kwargs,
+    )

@@ -11,9 +11,8 @@ from pace_drake.errors import InputError, require
 from pace_drake.lcm.link import Lcm
 from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.people import People, load_people
-from pace_drake.policies import Policy
+from pace_drake.policies import Policy, check_policy
 from pace_drake.scenario import Scenario
-from pace_drake.statechart import compile_chart, load_chart
 from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
 from pace_drake.stations.layout import Layout
@@ -30,6 +29,7 @@ from pace_drake.systems.robot_action import Motions, RobotAction
 from pace_drake.systems.state_publisher import StatePublisher
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
+from pace_drake.task_chart import make_task_chart
 
 if TYPE_CHECKING:
     # What the plant level alone needs is imported where it is made: the task level starts without it.
@@ -86,7 +86,7 @@ class Assembly(Diagram):
 
     Args:
         scenario: a validated scenario.
-        policy: answers the decisions; None exports the input ``assist`` for an adapter.
+        policy: answers the decisions, a subclass of ``Policy``; None exports the input ``assist`` for an adapter.
         station: a Diagram with the station ports (docs/design.md), or None for the task level.
         motions: planned motions; needed with a station.
         people: None loads those of the scenario; with a real person, ``load_people(scenario, tracked=True)``.
@@ -129,6 +129,8 @@ class Assembly(Diagram):
             "human.monitor",
             "a real person does not tell the robot what they do, must be detector or button, is 'told'",
         )
+        if policy is not None:
+            check_policy(policy)
         task = scenario.task
         self.scenario = scenario
         self.people = people or load_people(scenario, tracked=person is not None)
@@ -138,15 +140,8 @@ class Assembly(Diagram):
             "recordings were moved there, and a tracked hand is not: load_people(scenario, tracked=True), or set it to"
             " []",
         )
-        compiled = compile_chart(load_chart(scenario.chart_path()))
-        parameters = {
-            "M": task.num_robot_tasks,
-            "L": task.num_joint_actions,
-            "D0": float(scenario.decide_at_start),
-            "Tdec": scenario.decision_timeout,
-            "Twait": scenario.wait_timeout,
-        }
-        declared = compiled.chart.parameters
+        task_chart = make_task_chart(scenario)
+        chart = task_chart.compiled.chart
         builder = DiagramBuilder()
 
         def add(system):
@@ -177,15 +172,7 @@ class Assembly(Diagram):
         self.pace_monitor: PaceMonitor | None = None
         if self.observation.HasInputPort("pace"):
             self.pace_monitor = add(PaceMonitor(task, reaction_period))
-        self.task_statechart: TaskStatechart = add(
-            TaskStatechart(
-                compiled,
-                compiled.parameters(**{name: value for name, value in parameters.items() if name in declared}),
-                # A first decision at t = 0 sees the last robot task as done (docs/departures.md).
-                compiled.initial_state(i=task.num_robot_tasks if scenario.decide_at_start else 1),
-                reaction_period,
-            )
-        )
+        self.task_statechart: TaskStatechart = add(TaskStatechart(*task_chart, reaction_period))
         self.safety_monitor: SafetyMonitor | None = None
         led = None
         if station is not None and scenario.safety.enabled:
@@ -214,7 +201,7 @@ class Assembly(Diagram):
         self.decision_publisher: DecisionPublisher | None = None
         self.state_publisher: StatePublisher | None = None
         if lcm is not None:
-            channels, chart = scenario.lcm, compiled.chart
+            channels = scenario.lcm
             self.decision_publisher = add(
                 DecisionPublisher(lcm, chart, OBSERVATION_SETS[seen], reaction_period, channels.decision_channel)
             )

@@ -1,10 +1,13 @@
 """A scenario: everything a run needs, in one typed file (Drake's ``yaml_load_typed``)."""
 
 import traceback
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
+from difflib import get_close_matches
 from hashlib import sha256
 from math import inf, isfinite
 from pathlib import Path
+from types import UnionType
+from typing import Any, get_args, get_type_hints
 
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
@@ -235,6 +238,8 @@ def load_scenario(name: str, overrides: tuple[str, ...] = ()) -> Scenario:
     except (OSError, UnicodeDecodeError) as error:
         what = error.strerror if isinstance(error, OSError) else "not a text file"
         raise InputError(f"{path}: cannot read the scenario: {what}") from error
+    for override in overrides:
+        _check_key(override)
     try:
         content = yaml.safe_load(text)
         for override in overrides:
@@ -262,6 +267,25 @@ def _place_in_scenario(error: Exception) -> str:
     names = ["[]" if name == "_" else name for name in (f.f_locals.get("name") for f in items) if name]
     # An Optional or a union is entered twice under the same name.
     return ".".join(name for k, name in enumerate(names) if k == 0 or name != names[k - 1])
+
+
+def _check_key(override: str) -> None:
+    """Raises InputError that says what there is, where the schema has no such key; Drake would blame the file."""
+    key, equals, _ = override.partition("=")
+    schema: Any = Scenario
+    for part in key.strip().split(".") if equals and key else ():
+        if isinstance(schema, UnionType):
+            schema = next((one for one in get_args(schema) if is_dataclass(one)), None)
+        if is_dataclass(schema):
+            known = get_type_hints(schema)
+            if part not in known:
+                near = get_close_matches(part, known, n=3)
+                hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
+                raise InputError(f"cannot set {key.strip()!r}: no such key {part!r}; {hint}")
+            schema = known[part]
+        else:
+            # What a list or a mapping holds; what holds nothing is left to Drake.
+            schema = get_args(schema)[-1] if get_args(schema) else None
 
 
 def _override(content: object, text: str) -> None:

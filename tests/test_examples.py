@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from pace_drake.errors import InputError
+
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
@@ -16,7 +18,7 @@ def load(name):
 
 
 def test_every_example_is_tested():
-    assert sorted(p.stem for p in EXAMPLES.glob("*.py")) == ["bridge", "own_chart", "simulate", "train"]
+    assert sorted(p.stem for p in EXAMPLES.glob("*.py")) == ["bridge", "own_chart", "own_policy", "simulate", "train"]
 
 
 def test_simulate(tmp_path, monkeypatch):
@@ -25,6 +27,8 @@ def test_simulate(tmp_path, monkeypatch):
     cost = load("simulate").run(str(picture))
     assert 0 < cost < 200
     assert picture.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match=r"must end in \.png, \.svg or \.pdf"):
+        load("simulate").run(str(tmp_path / "phase.foo"))
 
 
 def test_train():
@@ -39,6 +43,11 @@ def test_bridge():
     assert accepted > 3900  # 200 Hz
     assert rejected == 0
     assert 0 < worst_error < 0.03  # [rad], lag of the peer's 30 Hz filter
+
+
+def test_own_policy():
+    costs = load("own_policy").run(50)
+    assert 0 < costs["own"] < costs["explicit query"]
 
 
 def test_own_chart():

@@ -16,7 +16,7 @@ LAYERS = [
     ["driver"],
     ["stations"],
     ["scenario"],
-    ["policies", "people"],
+    ["policies", "people", "task_chart"],
     ["systems"],
     ["diagram"],
     ["simulation"],

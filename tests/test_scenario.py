@@ -51,7 +51,7 @@ def test_overrides_reach_dicts_and_lists():
     ("override", "message"),
     [
         ("foo=1", "foo"),
-        ("task.foo=1", "task: The fields ['foo']"),
+        ("task.foo=1", "cannot set 'task.foo': no such key 'foo'; known are human_actions, "),
         ("task.human_actions.0.duration.meen=1", "meen"),
         ("task.human_actions.9.duration.mean=1", "task.human_actions.9.duration.mean"),
         ("task.human_idle_weight=0", "task.human_idle_weight: lambda must be > 0"),

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from pace_drake.diagram import Assembly
+from pace_drake.errors import InputError
 from pace_drake.evaluate.event_log import EventRecorder
 from pace_drake.people import People
+from pace_drake.policies import Policy
 from pace_drake.policies.factory import make_policy
+from pace_drake.policies.rules import AlwaysAssist
 from pace_drake.scenario import Scenario
 from pace_drake.simulation import Simulation, Stop
 from pace_drake.task import Assistance, Duration, HumanAction, RobotTask, Task
@@ -19,6 +22,32 @@ from tests.naive import naive_episode
 def chair_simulation(chair, chair_people):
     """Decisions come from outside."""
     return Simulation(Assembly(chair, people=chair_people))
+
+
+class Nameless(Policy):
+    def decide_all(self, observations):
+        return np.ones(len(observations))
+
+
+class Unknown(Nameless):
+    observation = "all"
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        (
+            lambda observation: 1,
+            "policy: subclass pace_drake.policies.Policy, with observation .*; <function .* is none",
+        ),
+        (AlwaysAssist, "policy: subclass .* is none"),  # the class itself
+        (Nameless(), "Nameless.observation: must be one of none, paper, fused, history, is ''"),
+        (Unknown(), "Unknown.observation: must be one of none, paper, fused, history, is 'all'"),
+    ],
+)
+def test_what_is_no_policy_is_told_how_to_be_one(chair, chair_people, policy, message):
+    with pytest.raises(InputError, match=message):
+        Assembly(chair, policy, people=chair_people)
 
 
 def run_with(simulation, episode, decisions):

@@ -46,12 +46,5 @@ def chart_path(text: str) -> Path:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes a whole file or none.
-
-    Raises:
-        InputError: it cannot be written there.
-    """
-    try:
-        write_whole(path, lambda beside: beside.write_text(text, encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    """Writes a whole file or none."""
+    write_whole(path, lambda beside: beside.write_text(text, encoding="utf-8"))

@@ -9,6 +9,7 @@ import click
 
 from pace_drake.cli.chart import chart_path, write_text
 from pace_drake.errors import InputError
+from pace_drake.files import check_file
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,6 +46,8 @@ def command(
     from pace_drake.statechart.loader import load_chart
 
     path = chart_path(file)
+    if json_file is not None:
+        check_file(json_file)
     found = checks if checks is not None else checks_path(path)
     console = Console()
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())

@@ -6,7 +6,7 @@ import click
 
 from pace_drake.cli.chart import chart_path, write_text
 from pace_drake.errors import InputError
-from pace_drake.files import write_whole
+from pace_drake.files import check_file, write_whole
 
 
 @click.command()
@@ -33,6 +33,7 @@ def command(file: str, out: Path, active: str | None, layout: str) -> None:
 
     if out.suffix not in (".svg", ".png", ".mmd", ".dot"):
         raise InputError(f"{out}: the name must end in .svg, .png, .mmd or .dot")
+    check_file(out)
     if layout == "dot" and (not has_dot() or out.suffix != ".svg"):
         raise InputError("--layout dot makes .svg, and needs Graphviz: install it, or leave the option out")
     chart = load_chart(chart_path(file))
@@ -40,10 +41,7 @@ def command(file: str, out: Path, active: str | None, layout: str) -> None:
         raise InputError(f"no leaf state {active!r}; there are {', '.join(chart.leaves)}")
     highlight = Highlight(frozenset(chart.ancestors(active))) if active is not None else Highlight()
     if out.suffix == ".png":
-        try:
-            write_whole(out, lambda beside: write_png(chart, beside, highlight))
-        except OSError as error:
-            raise InputError(f"{out}: cannot be written: {error.strerror}") from error
+        write_whole(out, lambda beside: write_png(chart, beside, highlight))
     elif out.suffix == ".svg":
         by_dot = layout == "dot" or (layout == "auto" and has_dot())
         write_text(out, svg_by_dot(chart, highlight) if by_dot else to_svg(chart, highlight))

@@ -6,6 +6,7 @@ import click
 
 from pace_drake.cli.chart import chart_path, write_text
 from pace_drake.errors import InputError
+from pace_drake.files import check_file
 
 
 @click.command()
@@ -22,6 +23,7 @@ def command(file: str, out: Path) -> None:
     writers = {".scxml": to_scxml, ".yaml": to_sismic}
     if out.suffix not in writers:
         raise InputError(f"{out}: the name must end in {' or '.join(writers)}")
+    check_file(out)
     path = chart_path(file)
     if out.exists() and out.samefile(path):
         raise InputError(f"{out}: would overwrite the chart itself; choose another name")

@@ -17,11 +17,11 @@ def command(file: Path, seed: int, subjects: int, trials: int) -> None:
     """
     from pace_drake.demos import generate_demonstrations, write_demonstrations
     from pace_drake.errors import InputError
+    from pace_drake.files import check_file
 
     if file.exists():
         raise InputError(f"{file}: exists; choose another file, or remove it")
-    if not file.parent.is_dir():
-        raise InputError(f"{file.parent}: no such folder")
+    check_file(file)
     people = generate_demonstrations(seed=seed, num_subjects=subjects, num_trials=trials)
     recordings = [*people.references, *people.demonstrations]
     write_demonstrations(file, recordings)

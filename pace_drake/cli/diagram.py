@@ -48,23 +48,19 @@ def command(
 
     A picture needs Graphviz's dot, or what pip install 'pace_drake[diagram]' brings; a .dot file needs neither.
     """
-    from pace_drake.files import write_whole
+    from pace_drake.files import check_file, write_whole
     from pace_drake.graphviz import draw_dot, find_dot
 
     if output.suffix not in _KINDS:
         raise InputError(f"{output}: the name must end in {', '.join(_KINDS[:-1])} or {_KINDS[-1]}")
-    if not output.parent.is_dir():
-        raise InputError(f"{output.parent}: no such folder")
+    check_file(output)
     if output.suffix != ".dot":
         find_dot()  # says what is missing, before anything is built
     text = _assembly(scenario, level, policy, overrides).GetGraphvizString(max_depth=depth)
     # Class names without their modules: boxes half as wide.
     text = re.sub(r"<B>(?:\w+\.)+(\w+)</B>", r"<B>\1</B>", text)
     picture = text.encode() if output.suffix == ".dot" else draw_dot(text, output.suffix[1:])
-    try:
-        write_whole(output, lambda part: part.write_bytes(picture))
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written: {error.strerror}") from error
+    write_whole(output, lambda part: part.write_bytes(picture))
     click.echo(output)
 
 

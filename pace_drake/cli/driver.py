@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     type=float,
     default=0.05,
     show_default=True,
-    help="A first command must be this near the measured position, per joint [rad].",
+    help="A first command must be this near the measured position, per joint; up to 0.2 [rad].",
 )
 @click.option("--expiry", type=float, default=0.1, show_default=True, help="Greatest |clock - stamp| of a command [s].")
 @click.option(
@@ -79,8 +79,6 @@ def command(
         recover_delay=recover_delay,
     )
     channels = LcmConfig(url=url)
-    if url.startswith("memq:"):
-        raise InputError("memq:// reaches nobody outside the driver: give an LCM URL of a network")
     lcm = open_lcm(channels)
     fingers = _make_hand(hand, ip)
     arm = _make_robot(robot, ip, realtime)

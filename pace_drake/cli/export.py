@@ -29,6 +29,7 @@ def command(file: Path, scenario: str, trust_pickle: bool, overrides: tuple[str,
     from hashlib import sha256
 
     from pace_drake.errors import InputError
+    from pace_drake.files import check_file
 
     if not trust_pickle:
         raise InputError(
@@ -37,8 +38,7 @@ def command(file: Path, scenario: str, trust_pickle: bool, overrides: tuple[str,
         )
     if out.suffix != ".onnx":
         raise InputError(f"{out}: a policy file must end in .onnx")
-    if not out.parent.is_dir():
-        raise InputError(f"{out.parent}: no such folder for the policy")
+    check_file(out)
     if not zipfile.is_zipfile(file):
         raise InputError(f"{file}: no .zip that Stable-Baselines3 saved")
 

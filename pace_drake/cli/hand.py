@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("--hand", "recording", type=click.Path(), help="Recorded hand (.npz, .csv) instead of synthetic people.")
 @click.option(
     "--rate",
-    type=click.FloatRange(0, min_open=True),
+    type=click.FloatRange(0, 1000, min_open=True),
     default=60.0,
     show_default=True,
     help="Samples [1/s] of the hand.",

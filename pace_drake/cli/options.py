@@ -5,12 +5,28 @@ from collections.abc import Sequence
 
 import click
 
+from pace_drake.errors import InputError
+
 set_option = click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scenario."
 )
 
+
+def _to_others(_: click.Context, __: click.Parameter, url: str) -> str:
+    if url.startswith("memq:"):
+        raise InputError(
+            "--lcm-url: memq:// reaches nobody outside this process: give one of a network, such as"
+            " udpm://239.255.76.67:7667?ttl=0"
+        )
+    return url
+
+
 lcm_url_option = click.option(
-    "--lcm-url", "url", required=True, help="LCM URL, such as 'udpm://239.255.76.67:7667?ttl=0' for this machine alone."
+    "--lcm-url",
+    "url",
+    required=True,
+    callback=_to_others,
+    help="LCM URL, such as 'udpm://239.255.76.67:7667?ttl=0' for this machine alone.",
 )
 
 

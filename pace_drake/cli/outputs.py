@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from pace_drake.errors import InputError
+from pace_drake.files import check_file, check_folder, write_whole
 
 json_option = click.option(
     "--json",
@@ -30,12 +31,23 @@ def check_outputs(json_file: Path | None, out: Path | None) -> None:
     """Refuses what cannot be written to, before anything is computed.
 
     Raises:
-        InputError: no such folder for the file, or a folder that is not empty.
+        InputError: the file or the folder cannot be written, or the folder is not empty.
     """
-    if json_file is not None and not json_file.parent.is_dir():
-        raise InputError(f"{json_file.parent}: no such folder")
-    if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if json_file is not None:
+        check_file(json_file)
+    if out is not None:
+        check_new_folder(out)
+
+
+def check_new_folder(out: Path) -> None:
+    """Refuses a folder that holds something, or that cannot be made or written to.
+
+    Raises:
+        InputError: so it is.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: exists and is not empty; choose another --out, or remove it")
+    check_folder(out)
 
 
 def make_folder(out: Path) -> None:
@@ -52,7 +64,5 @@ def make_folder(out: Path) -> None:
 
 def write_json(json_file: Path, data: Any) -> None:
     """Writes figures whole; NaN is refused."""
-    from pace_drake.files import write_whole
-
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"
     write_whole(json_file, lambda part: part.write_text(text, encoding="utf-8"))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pace_drake.errors import InputError
+from pace_drake.files import check_file
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,8 +40,7 @@ def command(file: Path, out: Path | None, jobs: int | None, address: str | None)
     log_path = path.with_suffix(".jsonl")
     if path.suffix != ".parquet":
         raise InputError(f"{path}: a table of results must end in .parquet")
-    if not path.parent.is_dir():
-        raise InputError(f"{path.parent}: no such folder for the table")
+    check_file(path)
     if path.exists() and not log_path.exists():
         raise InputError(f"{path}: exists, and its rows ({log_path.name}) do not; choose another --out, or remove it")
     if find_spec("stable_baselines3") is None:
@@ -68,9 +68,8 @@ def command(file: Path, out: Path | None, jobs: int | None, address: str | None)
                 failures += _run(missing, log, console, (done_before, len(tasks)), jobs, address, sweep.retries)
         except KeyboardInterrupt:
             done = sum(task.key in log.rows for task in tasks)
-            raise KeyboardInterrupt(
-                f"{done} of {len(tasks)} rows are in {log_path}; run the same command again to go on"
-            ) from None
+            where = f"{done} of {len(tasks)} rows are in {log_path}" if done else f"none of {len(tasks)} is finished"
+            raise KeyboardInterrupt(f"{where}; run the same command again to go on") from None
         finally:
             _write(path, tasks, log)
         rows = [log.rows[task.key] for task in tasks if task.key in log.rows]

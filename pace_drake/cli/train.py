@@ -46,7 +46,11 @@ CHECKED = 5
 @click.option(
     "--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Train so many: SEED, SEED + 1, ..."
 )
-@click.option("--resume", is_flag=True, help="Go on with a training that was interrupted, as if it had not been.")
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with a training that was interrupted, as if it had not been; one that is done stays as it is.",
+)
 @click.option(
     "--evaluate-every",
     type=click.IntRange(min=1),
@@ -97,6 +101,7 @@ def command(
     from rich.console import Console
 
     from pace_drake.errors import InputError
+    from pace_drake.files import check_file, check_folder
     from pace_drake.scenario import load_scenario
 
     for option, given in (("--resume", resume), ("--patience", patience), ("--evaluate-every", evaluate_every)):
@@ -121,33 +126,29 @@ def command(
         path = out or Path(f"policy-{Path(scenario).stem}-{one}.onnx")
         if path.suffix != ".onnx":
             raise InputError(f"{path}: a policy file must end in .onnx")
-        if not path.parent.is_dir():
-            raise InputError(f"{path.parent}: no such folder for the policy")
         paths[one] = path.with_name(f"{path.stem}-{one}.onnx") if out and seeds > 1 else path
+        check_file(paths[one])
+    if tensorboard is not None:
+        check_folder(tensorboard)
     loaded = load_scenario(scenario, overrides)
     people = load_people(loaded)
     console = Console()
-    cards: dict[int, dict[str, Any]] = {}
+    own = {one: replace(settings, seed=one) for one in paths}
+    facts = {one: {"backend": backend, "settings": asdict(own[one]), "versions": versions()} for one in paths}
+    # Of several trainings, those before the interrupted one are done, those after it have not begun.
+    cards = {one: done for one, path in paths.items() if resume and (done := _finished(path, loaded, facts[one]))}
     for one, path in paths.items():
-        own = replace(settings, seed=one)
-        facts = {"backend": backend, "settings": asdict(own), "versions": versions()}
-        kept = checkpoint_path(path).exists()
-        # Of several trainings, those before the interrupted one are done, those after it have not begun.
-        if resume and seeds > 1 and not kept and (done := _finished(path, loaded, facts)):
-            cards[one] = done
+        if one in cards:
+            console.print(f"{path}: is done already", markup=False, highlight=False, soft_wrap=True)
+        else:
+            _refuse_to_replace(path, resume)
+    for one, path in paths.items():
+        if one in cards:
             continue
-        if kept and not resume:
-            console.print(
-                f"{checkpoint_path(path)}: from a training that was interrupted; replaced by this one, --resume would"
-                " go on with it",
-                markup=False,
-                highlight=False,
-                soft_wrap=True,
-            )
         evaluator = _Evaluation(people, evaluate_every, patience) if backend == "twin" else None
-        begun = resume and (kept or seeds == 1)
-        model, more = _train(loaded, own, backend, path, evaluator, begun, tensorboard, console)
-        cards[one] = {**facts, **more}
+        begun = resume and (checkpoint_path(path).exists() or seeds == 1)
+        model, more = _train(loaded, own[one], backend, path, evaluator, begun, tensorboard, console)
+        cards[one] = {**facts[one], **more}
         _write(model, loaded, path, cards[one])
     _finish(loaded, people, paths, cards, episodes, console)
 
@@ -166,12 +167,34 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("pace_drake", "drake", "stable-baselines3", "torch", "onnx", "numpy")}
 
 
+def _refuse_to_replace(path: Path, resume: bool) -> None:
+    """Raises InputError where a training would overwrite a policy, its card, or what is kept of one."""
+    from pace_drake.errors import InputError
+    from pace_drake.learning.checkpoint import checkpoint_path
+
+    checkpoint = checkpoint_path(path)
+    if checkpoint.exists():
+        if not resume:
+            raise InputError(
+                f"{checkpoint}: is of a training that was interrupted; --resume goes on with it, or choose another"
+                " --out, or remove it"
+            )
+        return
+    for file in (path, path.with_suffix(".json")):
+        if file.exists():
+            what = "is not what this command would make" if resume else "exists"
+            raise InputError(f"{file}: {what}; choose another --out, or remove it")
+
+
 def _finished(path: Path, scenario: "Scenario", facts: Mapping[str, Any]) -> dict[str, Any] | None:
     """The card of a policy that this very command has written before; else None."""
     import json
 
+    from pace_drake.learning.checkpoint import checkpoint_path
     from pace_drake.scenario import scenario_hash
 
+    if checkpoint_path(path).exists():
+        return None
     try:
         card = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pace_drake.errors import InputError
+from pace_drake.files import check_file, check_folder
 
 if TYPE_CHECKING:
     from pace_drake.demos.signals import SignalSet
@@ -76,8 +77,9 @@ def command(
         raise InputError(f"{out}: an estimator file must end in .yaml")
     if out.exists():
         raise InputError(f"{out}: exists; choose another file, or remove it")
-    if not out.parent.is_dir():
-        raise InputError(f"{out.parent}: no such folder")
+    check_file(out)
+    folder = journal or out.with_name(f"{out.name}.journal")
+    check_folder(folder)
 
     from pace_drake.dtw.estimator_file import write_estimator_file
     from pace_drake.dtw.tune import EU, STRETCHES, WP
@@ -85,7 +87,6 @@ def command(
 
     signals = load_signals(data, seed)
     actions = signals.actions
-    folder = journal or out.with_name(f"{out.name}.journal")
     metrics = {"wp": (WP,), "euclidean": (EU,), "both": (WP, EU)}[metric]
     stretches = STRETCHES if stretch else (1.0,)
     # Numbered, as two names may be equal in the characters that a file's name can have.

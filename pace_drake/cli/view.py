@@ -7,6 +7,7 @@ import click
 
 from pace_drake.cli.tables import idle_table
 from pace_drake.errors import InputError
+from pace_drake.files import check_file
 
 #: What can be opened, the best first.
 _SHOWN = ("replay.html", "timeline.png")
@@ -56,11 +57,17 @@ def _newest(runs: Path) -> Path:
 
 def _take(page: Path, screenshot: Path, at: float) -> None:
     from pace_drake.evaluate.screenshot import screenshot as take
+    from pace_drake.evaluate.timeline import read_events
 
     if not page.is_file():
         raise InputError(f"{page.parent}: has no replay.html; only pace run --level plant writes one")
-    if screenshot.suffix != ".png" or not screenshot.parent.is_dir():
-        raise InputError(f"{screenshot}: must be a .png in a folder that exists")
+    if screenshot.suffix != ".png":
+        raise InputError(f"{screenshot}: must be a .png")
+    check_file(screenshot)
+    # It shows the first episode.
+    end = max((float(row["time"]) for row in read_events(page.with_name("events.csv"))), default=0.0)
+    if not 0.0 <= at <= end:
+        raise InputError(f"--at {at:g}: the episode of the replay goes from 0 to {end:.1f} s")
     take(page, screenshot, at)
     click.echo(screenshot)
 

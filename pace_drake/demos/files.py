@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pace_drake.demos.model import Demonstration, interpolate
+from pace_drake.demos.model import FARTHEST, Demonstration, interpolate
 from pace_drake.errors import InputError
 from pace_drake.files import write_whole
 
@@ -52,8 +52,8 @@ def read_demonstrations(path: str | os.PathLike[str], *, require_positions: bool
 
     Args:
         path: a file whose name ends in .npz or .csv.
-        require_positions: refuse an NPZ whose units are not those of a length, such as accelerations; where
-            False, such values are returned as they are.
+        require_positions: refuse an NPZ whose units are not those of a length, such as accelerations, and a hand
+            that is farther than ``FARTHEST`` from the origin; where False, such values are returned as they are.
 
     Returns:
         At least one demonstration.
@@ -92,22 +92,15 @@ def write_demonstrations(path: str | os.PathLike[str], demonstrations: Sequence[
     if not demonstrations:
         raise InputError(f"{path}: there is no demonstration to write")
     periods = {d.sample_period for d in demonstrations}
-    try:
-        if path.suffix.lower() == ".csv":
-            labels = [(d.action, d.subject, d.trial, d.synthetic) for d in demonstrations]
-            if len(set(labels)) < len(labels):
-                raise InputError(
-                    f"{path}: two demonstrations share action, subject and trial, rename one or write .npz"
-                )
-            write_whole(path, lambda temporary: _write_csv(temporary, demonstrations))
-        else:
-            if len(periods) > 1:
-                raise InputError(f"{path}: sample periods differ ({sorted(periods)} s), resample to one of them")
-            write_whole(path, lambda temporary: _write_npz(temporary, demonstrations))
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}), check the folder and its permissions"
-        ) from None
+    if path.suffix.lower() == ".csv":
+        labels = [(d.action, d.subject, d.trial, d.synthetic) for d in demonstrations]
+        if len(set(labels)) < len(labels):
+            raise InputError(f"{path}: two demonstrations share action, subject and trial, rename one or write .npz")
+        write_whole(path, lambda temporary: _write_csv(temporary, demonstrations))
+    else:
+        if len(periods) > 1:
+            raise InputError(f"{path}: sample periods differ ({sorted(periods)} s), resample to one of them")
+        write_whole(path, lambda temporary: _write_npz(temporary, demonstrations))
 
 
 # --- NPZ ---
@@ -161,7 +154,13 @@ def _read_npz(path: Path, require_positions: bool) -> list[Demonstration]:
     subjects = _labels(path, arrays, "subject", num, _NO_SUBJECT)
     trials = _labels(path, arrays, "trial", num, _NO_TRIAL if num == 1 else None)
     synthetic = _labels(path, arrays, "synthetic", num, "False")
-    paths = np.split(x * _METRES.get(units, 1.0), np.cumsum(length.astype(int))[:-1])
+    x = x * _METRES.get(units, 1.0)
+    if units in _METRES and (far := _first_far(x)) is not None:
+        raise InputError(
+            f"{path}: row {far} (from 0) of x is farther than {FARTHEST:g} m from the origin, its units are {units}:"
+            " correct it, or, if these are millimetres, set units to 'mm'"
+        )
+    paths = np.split(x, np.cumsum(length.astype(int))[:-1])
     try:
         return [
             Demonstration(actions[k], subjects[k], trials[k], dt.item(), paths[k], synthetic[k] == "True")
@@ -209,6 +208,13 @@ def _labels(path: Path, arrays: dict[str, NDArray], name: str, num: int, default
     return [str(label) for label in np.broadcast_to(array.reshape(-1), (num,))]
 
 
+def _first_far(positions: NDArray) -> int | None:
+    """Returns the first row that no hand in the world can have, or None."""
+    with np.errstate(over="ignore"):
+        far = np.linalg.norm(positions, axis=1) > FARTHEST
+    return int(np.argmax(far)) if far.any() else None
+
+
 def _short(array: NDArray) -> str:
     return np.array2string(array, threshold=5, edgeitems=2).replace("\n", "")
 
@@ -252,7 +258,7 @@ def _read_csv(path: Path, require_positions: bool) -> list[Demonstration]:
         raise InputError(f"{path}: is not a CSV text file, write it as UTF-8 with the header time,x,y,z") from None
     if not groups:
         raise InputError(f"{path}: is empty, it must hold at least one demonstration below its header")
-    return [_demonstration(path, labels, np.array(rows)) for labels, rows in groups.items()]
+    return [_demonstration(path, labels, np.array(rows), require_positions) for labels, rows in groups.items()]
 
 
 def _check_header(path: Path, header: list[str]) -> None:
@@ -281,7 +287,7 @@ def _number(path: Path, line: int, column: str, text: str) -> float:
     return number
 
 
-def _demonstration(path: Path, labels: tuple[str, ...], rows: NDArray) -> Demonstration:
+def _demonstration(path: Path, labels: tuple[str, ...], rows: NDArray, require_positions: bool) -> Demonstration:
     lines, times, positions = rows[:, 0].astype(int), rows[:, 1], rows[:, 2:]
     action, subject, trial, synthetic = labels
     if len(rows) < 2:
@@ -295,6 +301,11 @@ def _demonstration(path: Path, labels: tuple[str, ...], rows: NDArray) -> Demons
         )
     if synthetic not in ("0", "1"):
         raise InputError(f"{path}: line {lines[0]}: synthetic must be 0 or 1, got {synthetic!r}")
+    if require_positions and (row := _first_far(positions)) is not None:
+        raise InputError(
+            f"{path}: line {lines[row]} is farther than {FARTHEST:g} m from the origin: correct it, or, if these are"
+            " millimetres, divide them by 1000"
+        )
     times = times - times[0]
     num_samples = len(times)
     period = times[-1] / (num_samples - 1)

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from pace_drake.errors import InputError
 
+#: [m] from the world's origin; a hand that is farther away has been measured in other units.
+FARTHEST = 10.0
+
 Split = Literal["train", "validation", "all"]
 
 

@@ -106,11 +106,7 @@ def write_estimator_file(path: str | os.PathLike[str], content: EstimatorFile) -
         "actions": actions,
     }
     text = _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
-    path = Path(path)
-    try:
-        write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}), check the folder") from None
+    write_whole(Path(path), lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def read_estimator_file(path: str | os.PathLike[str]) -> EstimatorFile:

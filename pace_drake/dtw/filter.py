@@ -92,8 +92,9 @@ class Calibration:
                 Spreads are widened from those of these people to those of one more, by sqrt(1 + 1 / num_people).
 
         Raises:
-            InputError: fewer than 2 demonstrations.
+            InputError: phases of fewer than 2 demonstrations, or a duration that is none.
         """
+        reference_duration = number(reference_duration, "reference_duration", "> 0 [s]", above=0.0)
         if len(phases) < 2:
             raise InputError(f"phases must be of at least 2 demonstrations beside the reference, got {len(phases)}")
         num = len(phases) + 1
@@ -177,8 +178,11 @@ class PhaseFilter(Estimator):
             num_people: see `Calibration.fit`.
 
         Raises:
-            InputError: fewer than 2 demonstrations, or one that cannot be used.
+            InputError: fewer than 2 demonstrations, one that cannot be used, or a duration that is none.
         """
+        if len(demonstrations) < 2:
+            raise InputError(f"demonstrations must be at least 2 beside the reference, got {len(demonstrations)}")
+        reference_duration = number(reference_duration, "reference_duration", "> 0 [s]", above=0.0)
         phases = estimator.phases(demonstrations)
         return cls(estimator, Calibration.fit(phases, reference_duration, estimator.sample_period, num_people))
 

@@ -1,6 +1,5 @@
 """PaceAssemblyEnv: the diagram as a Gymnasium environment, one step per decision."""
 
-from copy import deepcopy
 from math import inf
 from typing import Any, Literal
 
@@ -8,12 +7,12 @@ import gymnasium as gym
 import numpy as np
 
 from pace_drake.diagram import Assembly, make_plant_assembly
-from pace_drake.envs.space import observation_space
+from pace_drake.envs.space import adapted, observation_space
 from pace_drake.errors import InputError
 from pace_drake.evaluate.episode import SAMPLE_PERIOD, write_phase
 from pace_drake.evaluate.event_log import COLUMNS, EventRecorder, event_row
 from pace_drake.evaluate.timeline import timeline_image
-from pace_drake.scenario import Scenario, load_scenario
+from pace_drake.scenario import Scenario
 from pace_drake.simulation import Simulation, Stop
 from pace_drake.task import Episode
 
@@ -89,13 +88,7 @@ class PaceAssemblyEnv(gym.Env):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode must be one of human, rgb_array or None, is {render_mode!r}")
         self.render_mode = render_mode
-        loaded = load_scenario(scenario) if isinstance(scenario, str) else deepcopy(scenario)
-        if split is not None:
-            loaded.human.split = split
-        if observation is not None:
-            loaded.observation = observation
-        loaded.validate()
-        self.scenario = loaded
+        self.scenario = loaded = adapted(scenario, observation, split)
         # Built once: Drake never frees Python systems, and a reset context costs far less.
         self.simulation = Simulation(Assembly(loaded) if level == "task" else make_plant_assembly(loaded))
         self.action_space = gym.spaces.Discrete(2)

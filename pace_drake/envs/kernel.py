@@ -24,13 +24,6 @@ from pace_drake.task import NUM_ROBOT_DRAWS, ActionKind
 
 DECISION, FINISHED, NO_EVENT, NO_REST = 1, 2, 3, 4
 
-#: What a chart must have to be run by the twin.
-NEEDED = {
-    "inputs": ("a", "done", "rb", "hj", "nj"),
-    "outputs": ("kind", "index", "number", "joint_ready", "robot_waiting"),
-    "variables": ("i",),
-}
-
 # Constants of every kernel: places in the robot's state, and kinds of its actions.
 NUMBER, KIND, INDEX, DURATION, SINCE, ACTIVE, DONE = range(7)
 KIND_TASK, KIND_PREPARE, KIND_JOINT, KIND_NONE, KIND_HOLD = (
@@ -70,10 +63,10 @@ def _text(compiled: CompiledChart, parallel: bool) -> str:
         "OF_ROBOT": of_person + 2,
         "OF_IDLE": of_person + 9,
     }
-    for name, place in zip(("A", "DONE", "RB", "HJ", "NJ"), NEEDED["inputs"], strict=True):
-        constants[f"IN_{name}"] = compiled.input_index[place]
-    for name, place in zip(("KIND", "INDEX", "NUMBER", "READY", "WAITING"), NEEDED["outputs"], strict=True):
-        constants[f"OUT_{name}"] = compiled.output_index[place]
+    for name in ("a", "done", "rb", "hj", "nj"):
+        constants[f"IN_{name.upper()}"] = compiled.input_index[name]
+    for name in ("kind", "index", "number", "joint_ready", "robot_waiting"):
+        constants[f"OUT_{name.rpartition('_')[2].upper()}"] = compiled.output_index[name]
     own = "NUMBER KIND INDEX DURATION SINCE ACTIVE DONE KIND_TASK KIND_PREPARE KIND_JOINT KIND_NONE KIND_HOLD DECISION"
     for name in f"{own} FINISHED NO_EVENT NO_REST MAX_CHAIN NUM_ESTIMATES NUM_ROBOT_DRAWS".split():
         constants[name] = globals()[name]

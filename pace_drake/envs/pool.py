@@ -14,6 +14,7 @@ import numpy as np
 
 from pace_drake.dtw.ensemble import MedianPhase
 from pace_drake.dtw.filter import PhaseFilter
+from pace_drake.errors import InputError
 from pace_drake.files import cache_folder, write_whole
 from pace_drake.observation import FUSED_SETS
 from pace_drake.people import People
@@ -228,8 +229,8 @@ def cached_pool(scenario: Scenario, people: People, size: int, seed: int | Seque
         kept = sorted(path.parent.glob("pool_*.npz"), key=lambda file: file.stat().st_mtime_ns)
         for old in kept[:-MAX_CACHED]:
             old.unlink(missing_ok=True)
-    except OSError as error:  # a full disk, or another process that tidies up
-        warnings.warn(f"{path}: the pool cannot be kept ({error.strerror})", stacklevel=2)
+    except (OSError, InputError) as error:  # another process that tidies up, or a full disk
+        warnings.warn(f"the pool cannot be kept: {error}", stacklevel=2)
     return pool
 
 

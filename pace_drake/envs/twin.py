@@ -15,12 +15,12 @@ from collections.abc import Mapping
 import numpy as np
 from numba import set_num_threads
 
-from pace_drake.envs.kernel import DECISION, FINISHED, NEEDED, NO_EVENT, make_kernel
+from pace_drake.envs.kernel import DECISION, FINISHED, NO_EVENT, make_kernel
 from pace_drake.envs.pool import Pool
 from pace_drake.errors import InputError
 from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
 from pace_drake.scenario import Scenario
-from pace_drake.statechart import compile_chart, load_chart
+from pace_drake.task_chart import make_task_chart
 
 #: Columns of ``AssemblyTwin.seen`` that each observation set sees.
 _COLUMNS = {
@@ -59,22 +59,8 @@ class AssemblyTwin:
             )
         self.scenario, self.pool, self.num_envs, self.num_threads = scenario, pool, num_envs, num_threads
         task = scenario.task
-        compiled = compile_chart(load_chart(scenario.chart_path()))
+        compiled, p, x0 = make_task_chart(scenario)
         chart = compiled.chart
-        for group, names in NEEDED.items():
-            for name in names:
-                if name not in getattr(chart, group):
-                    raise InputError(f"{chart.path}: the twin needs {name!r} among the chart's {group}")
-        parameters = {
-            "M": float(task.num_robot_tasks),
-            "L": float(task.num_joint_actions),
-            "D0": float(scenario.decide_at_start),
-            "Tdec": scenario.decision_timeout,
-            "Twait": scenario.wait_timeout,
-        }
-        p = compiled.parameters(**{name: value for name, value in parameters.items() if name in chart.parameters})
-        # A first decision at t = 0 sees the last robot task as done (docs/departures.md).
-        x0 = compiled.initial_state(i=float(task.num_robot_tasks if scenario.decide_at_start else 1))
         joints = task.num_joint_actions
         self._weight, self._alpha = task.human_idle_weight, np.array(task.human_index_of_joint)
         self._state = np.zeros(

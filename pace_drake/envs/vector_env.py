@@ -10,14 +10,16 @@ from gymnasium.vector.utils import batch_space
 
 from pace_drake.envs.kernel import FINISHED
 from pace_drake.envs.pool import Pool, make_pool
-from pace_drake.envs.space import observation_space
+from pace_drake.envs.space import adapted, observation_space
 from pace_drake.envs.twin import AssemblyTwin
 from pace_drake.people import load_people
-from pace_drake.scenario import Scenario, load_scenario
+from pace_drake.scenario import Scenario
 
 
 class PaceAssemblyVectorEnv(VectorEnv):
     """``num_envs`` copies of PaceAssembly-v0 (see ``PaceAssemblyEnv``), compiled.
+
+    ``gymnasium.make_vec`` makes it, unless another ``vectorization_mode`` is asked for.
 
     An environment that ends is reset in the same step: its observation is then that of the new episode, the last
     one of the old is in ``infos["final_obs"]``, with ``infos["cost"]`` of the old episode.
@@ -28,6 +30,7 @@ class PaceAssemblyVectorEnv(VectorEnv):
         pool: draws of the scenario; None draws ``pool_size`` of them with ``pool_seed``.
         pool_size, pool_seed: see ``make_pool``.
         num_threads: see ``AssemblyTwin``.
+        observation, split: see ``PaceAssemblyEnv``.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - as Gymnasium declares it
@@ -40,8 +43,10 @@ class PaceAssemblyVectorEnv(VectorEnv):
         pool_size: int = 256,
         pool_seed: int = 0,
         num_threads: int = 1,
+        observation: str | None = None,
+        split: str | None = None,
     ) -> None:
-        loaded = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        loaded = adapted(scenario, observation, split)
         if pool is None:
             pool = make_pool(loaded, load_people(loaded), pool_size, np.random.default_rng(pool_seed))
         self.scenario, self.num_envs = loaded, num_envs

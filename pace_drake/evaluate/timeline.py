@@ -7,11 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pace_drake.errors import InputError
+from pace_drake.evaluate.event_log import COLUMNS
+from pace_drake.files import check_file
 from pace_drake.task import ActionKind, Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: What a timeline can be drawn as.
+PICTURES = (".png", ".svg", ".pdf")
 #: Resolution of the pictures.
 DPI = 110
 
@@ -29,10 +34,32 @@ COLOURS = {
 }
 
 
+def check_picture(path: Path) -> None:
+    """Refuses a place where no timeline can be drawn to, before the work; see ``check_file``.
+
+    Raises:
+        InputError: an ending that is not one of ``PICTURES``, or no file can be made there.
+    """
+    if path.suffix not in PICTURES:
+        raise InputError(f"{path}: the name must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+    check_file(path)
+
+
 def read_events(path: Path, episode: int = 0) -> list[dict[str, str]]:
-    """Rows of one episode of an events.csv; a last row cut short by a kill is left out."""
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    """Rows of one episode of an events.csv; a last row cut short by a kill is left out.
+
+    Raises:
+        InputError: the file has other columns.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            header, rows = reader.fieldnames or (), list(reader)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: was not written by pace run, it is no CSV text") from error
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise InputError(f"{path}: was not written by pace run, it has no column {missing[0]!r}")
     return [row for row in rows if row["episode"] == str(episode) and row["duration"] is not None]
 
 

@@ -140,10 +140,7 @@ class CheckpointWriter(BaseCallback):
             "numpy_random": {**numpy_random, "pos": inner["pos"]},
         }
         text = np.array(json.dumps(data))
-        try:
-            write_whole(self.path, lambda part: np.savez(part, allow_pickle=False, data=text, **arrays))
-        except OSError as error:
-            raise InputError(f"{self.path}: the checkpoint cannot be written: {error.strerror}") from error
+        write_whole(self.path, lambda part: np.savez(part, allow_pickle=False, data=text, **arrays))
 
 
 def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> Checkpoint:

@@ -231,10 +231,12 @@ class SweepLog:
 
     def append(self, task: SweepTask, row: dict[str, Any]) -> None:
         """Keeps a row; it is on the disk when this returns."""
-        self._file.write(json.dumps({"key": task.key, "row": row}, allow_nan=False).encode() + b"\n")
+        line = json.dumps({"key": task.key, "row": row}, allow_nan=False).encode() + b"\n"
+        # First: Ctrl-C while a slow disk writes would leave a row that nobody knows of, in a file that is then removed.
+        self.rows[task.key] = row
+        self._file.write(line)
         self._file.flush()
         os.fsync(self._file.fileno())
-        self.rows[task.key] = row
 
     def __enter__(self) -> "SweepLog":
         return self

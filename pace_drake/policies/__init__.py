@@ -4,6 +4,9 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from pace_drake.errors import require
+from pace_drake.observation import check_observation
+
 
 class Policy(ABC):
     """A pure function of the observation.
@@ -23,4 +26,11 @@ class Policy(ABC):
         return int(self.decide_all(np.asarray(observation)[np.newaxis])[0])
 
 
-__all__ = ["Policy"]
+def check_policy(policy: object) -> None:
+    """Raises InputError that says how to make one, unless it is a policy with an observation set."""
+    how = "subclass pace_drake.policies.Policy, with observation and decide_all (docs/learning.md)"
+    require(isinstance(policy, Policy), "policy", f"{how}; {policy!r} is none")
+    check_observation(getattr(policy, "observation", ""), f"{type(policy).__name__}.observation")
+
+
+__all__ = ["Policy", "check_policy"]

@@ -4,13 +4,12 @@ from math import dist, isfinite
 
 import numpy as np
 
+from pace_drake.demos.model import FARTHEST
 from pace_drake.lcm.inbox import Inbox
 from pace_drake.lcm.inbox_receiver import COUNT, InboxReceiver
 from pace_drake.lcm.link import Lcm
 from pace_drake.lcm.types import lcmt_pace_hand
 
-#: [m] from the world's origin; a hand that is farther away has been measured in other units.
-FARTHEST = 10.0
 #: Samples by which one may come too late to be one out of order; beyond, the tracker has been started anew.
 REORDERED = 100
 

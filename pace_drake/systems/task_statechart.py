@@ -8,12 +8,9 @@ from pace_drake.ports import declare_output
 from pace_drake.statechart import CompiledChart
 from pace_drake.systems.statechart import StatechartSystem
 from pace_drake.task import ActionKind
+from pace_drake.task_chart import check_task_chart
 
 _COMMAND = ("kind", "index", "number")
-_REQUIRED = {
-    "inputs": ("a", "done"),
-    "outputs": (*_COMMAND, "robot_task", "joint_action", "joint_ready", "robot_waiting", "decision_index"),
-}
 
 
 class TaskStatechart(StatechartSystem):
@@ -38,7 +35,7 @@ class TaskStatechart(StatechartSystem):
         compiled, parameters, initial_state, reaction_period: see StatechartSystem.
 
     Raises:
-        InputError: the chart lacks an input or output named above, or gives an action kind another number.
+        InputError: the chart lacks something that is ``task_chart.NEEDED``, or gives an action kind another number.
     """
 
     def __init__(
@@ -49,10 +46,7 @@ class TaskStatechart(StatechartSystem):
         reaction_period: float | None = None,
     ) -> None:
         chart = compiled.chart
-        for group, names in _REQUIRED.items():
-            for name in names:
-                if name not in getattr(chart, group):
-                    raise InputError(f"{chart.path}: the task chart needs {name!r} among its {group}")
+        check_task_chart(chart)
         for name, value in chart.constants.items():
             kind = name.removesuffix("_KIND")
             if kind != name and (kind not in ActionKind.__members__ or ActionKind[kind] != value):

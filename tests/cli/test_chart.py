@@ -65,7 +65,7 @@ def test_check_of_a_chart_without_properties(capsys, tmp_path):
         (["check", "pace_task", "--chart", "boss=x.scxml"], "no component 'boss'; there are operator"),
         (["check", "pace_task", "--checks", "absent.yaml"], "cannot read the checks"),
         (["check", "human", "--set", "M=1"], "no human.checks.yaml beside it"),
-        (["check", "pace_task", "--set", "M=2", "--set", "L=1", "--json", "absent/x.json"], "cannot be written"),
+        (["check", "pace_task", "--set", "M=2", "--set", "L=1", "--json", "absent/x.json"], "absent: no such folder"),
         (["lower", "pace_task", "-o", "x.txt"], "must end in .scxml or .yaml"),
         (["lower", "absent", "-o", "x.scxml"], "no such chart"),
     ],
@@ -123,7 +123,7 @@ def test_draw(tmp_path, suffix):
             ["draw", "pace_task", "-o", "x.svg", "--highlight", "RUN"],
             "no leaf state 'RUN'; there are READY, ROBOT_TASK",
         ),
-        (["draw", "pace_task", "-o", "absent/x.png"], "cannot be written"),
+        (["draw", "pace_task", "-o", "absent/x.png"], "absent: no such folder"),
     ],
 )
 def test_mistakes_in_drawing_give_one_line(capsys, tmp_path, monkeypatch, arguments, message):

@@ -24,9 +24,10 @@ def run_driver(**changes: str) -> subprocess.CompletedProcess:
     ("changes", "message"),
     [
         ({"--robot": "ur5"}, "--robot: 'ur5' is unknown: choose fer or fr3"),
-        ({"--lcm-url": "memq://"}, "memq:// reaches nobody outside the driver"),
+        ({"--lcm-url": "memq://"}, "memq:// reaches nobody outside this process"),
         ({"--lcm-url": "http://x"}, "must begin with memq://, udpm://, tcpq://"),
         ({"--status-rate": "50"}, "must be from 200 to 1000 Hz"),
+        ({"--start-tolerance": "3"}, "driver.start_tolerance: must be at most 0.2 rad, not 3"),
         ({"--recover-delay": "-1"}, "driver.recover_delay: must be positive"),
         ({}, "no robot at 127.0.99.99 (Connection to FCI refused."),
         ({"--robot": "fer"}, "no robot at 127.0.99.99 (Connection to FCI refused."),

@@ -12,11 +12,12 @@ from pace_drake.diagram import Assembly
 from pace_drake.lcm.types import lcmt_pace_hand, lcmt_pace_operator, lcmt_pace_state
 from pace_drake.policies.factory import make_policy
 from pace_drake.systems.tracked_person import TrackedPerson
+from tests.cli.test_operator import URL
 from tests.cli.test_run import pace, refused
 from tests.short_scenario import short_scenario
 
 #: As fast as it goes.
-FAST = ("--lcm-url", "memq://", "--speed", 1e6)
+FAST = ("--lcm-url", URL, "--speed", 1e6)
 
 
 @pytest.fixture
@@ -155,7 +156,9 @@ def test_an_interrupted_hand_says_how_far_it_came(lcm, short, monkeypatch, capsy
 def test_bad_input(capsys, tmp_path):
     assert "--lcm-url" in refused(capsys, "hand")
     assert "must begin with memq://" in refused(capsys, "hand", "--lcm-url", "PANDA")
-    assert "unknown scenario" in refused(capsys, "hand", "no_scenario", "--lcm-url", "memq://")
-    assert "no such file" in refused(capsys, "hand", "--lcm-url", "memq://", "--hand", tmp_path / "no.csv")
-    assert "must be numbers" in refused(capsys, "hand", "--lcm-url", "memq://", "--rate", "nan")
-    assert "range" in refused(capsys, "hand", "--lcm-url", "memq://", "--speed", 0)
+    assert "unknown scenario" in refused(capsys, "hand", "no_scenario", "--lcm-url", URL)
+    assert "no such file" in refused(capsys, "hand", "--lcm-url", URL, "--hand", tmp_path / "no.csv")
+    assert "must be numbers" in refused(capsys, "hand", "--lcm-url", URL, "--rate", "nan")
+    assert "range" in refused(capsys, "hand", "--lcm-url", URL, "--speed", 0)
+    assert "--rate" in refused(capsys, "hand", "--lcm-url", URL, "--rate", 1e9)
+    assert "memq:// reaches nobody outside this process" in refused(capsys, "hand", "--lcm-url", "memq://null")

@@ -6,6 +6,9 @@ from pydrake.lcm import DrakeLcm
 from pace_drake.lcm.types import lcmt_pace_operator
 from tests.cli.test_run import pace, refused
 
+#: Nothing goes there: the tests take the LCM's place.
+URL = "udpm://239.255.76.67:7667?ttl=0"
+
 
 @pytest.mark.parametrize(
     ("word", "event"),
@@ -20,7 +23,7 @@ def test_one_press_is_published(monkeypatch, capsys, word, event):
     lcm.Subscribe("B", lambda data: heard.append(lcmt_pace_operator.decode(data)))
     monkeypatch.setattr("pace_drake.lcm.url.open_lcm", lambda config: lcm)
     for _ in range(2):
-        assert pace("operator", word, "--lcm-url", "memq://", "--channel", "B", "--sender", "me") == 0
+        assert pace("operator", word, "--lcm-url", URL, "--channel", "B", "--sender", "me") == 0
     lcm.HandleSubscriptions(0)
     assert [(press.event, press.sender) for press in heard] == [(event, "me")] * 2
     assert heard[0].utime < heard[1].utime
@@ -29,5 +32,6 @@ def test_one_press_is_published(monkeypatch, capsys, word, event):
 
 def test_bad_input(capsys):
     assert "--lcm-url" in refused(capsys, "operator", "stop")
-    assert "request" in refused(capsys, "operator", "halt", "--lcm-url", "memq://")
+    assert "request" in refused(capsys, "operator", "halt", "--lcm-url", URL)
     assert "must begin with memq://" in refused(capsys, "operator", "stop", "--lcm-url", "PANDA")
+    assert "memq:// reaches nobody outside this process" in refused(capsys, "operator", "stop", "--lcm-url", "memq://")

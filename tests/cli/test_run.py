@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -106,6 +107,20 @@ def test_the_timeline_can_be_drawn_again(run_folder, tmp_path, capsys):
     assert "not a run folder" in refused(capsys, "timeline", tmp_path)
 
 
+@pytest.mark.parametrize("name", ["x.foo", "x", "x.PNGX"])
+def test_a_timeline_ends_in_a_kind_of_picture(run_folder, tmp_path, capsys, name):
+    path = tmp_path / name
+    assert f"{path}: the name must end in .png, .svg or .pdf" in refused(capsys, "timeline", run_folder, "-o", path)
+
+
+@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"", b"\xff\xfe\x00", b"episode,time\n0,1\n"])
+def test_events_of_another_program(content, tmp_path, run_folder, capsys):
+    (tmp_path / "scenario.yaml").write_bytes((run_folder / "scenario.yaml").read_bytes())
+    (tmp_path / "events.csv").write_bytes(content)
+    error = refused(capsys, "timeline", tmp_path)
+    assert f"{tmp_path / 'events.csv'}: was not written by pace run, it " in error
+
+
 def test_a_folder_that_holds_something_is_never_overwritten(run_folder, capsys):
     before = {p.name: p.read_bytes() for p in run_folder.iterdir()}
     assert "exists and is not empty" in refused(capsys, *TASK, "--out", run_folder)
@@ -117,6 +132,10 @@ def test_a_folder_that_holds_something_is_never_overwritten(run_folder, capsys):
     [
         (["run", "atlantis"], "unknown scenario 'atlantis'; known are ikea_chair"),
         (["run", "--set", "task.human_idel_weight=3"], "human_idel_weight"),
+        (["run", "--set", "foo=1"], "cannot set 'foo': no such key 'foo'; known are name, "),
+        (["run", "--set", "task.human_idel_weight=3"], "did you mean human_idle_weight?"),
+        (["run", "--set", "task.human_actions.0.duration.meen=3"], "no such key 'meen'; did you mean mean?"),
+        (["run", "--set", "estimator.place_rails.gama=3"], "no such key 'gama'; did you mean gamma?"),
         (["run", "--lambda", "0"], "lambda must be > 0"),
         (["run", "--lambda", "-1"], "lambda must be > 0"),
         (["run", "--lambda", "x"], "'x' is not a valid float"),
@@ -166,6 +185,15 @@ def test_bad_hand_files(name, content, message, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("factor", [1000, 1e200])
+def test_a_hand_in_other_units(factor, tmp_path, capsys):
+    path = tmp_path / "hand.csv"
+    path.write_text("time,x,y,z\n" + "".join(f"{k / 10},{0.1 * factor},{0.2 * factor},0\n" for k in range(50)))
+    error = refused(capsys, *TASK, "--hand", path, "--out", tmp_path / "out")
+    assert f"{path}: line 2 is farther than 10 m from the origin" in error
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_npz_with_a_pickle_inside_is_refused(tmp_path, capsys):
     path = tmp_path / "pickle.npz"
     np.savez(path, x=np.array([{"a": 1}], dtype=object), length=[1], dt=0.1)
@@ -181,6 +209,17 @@ def test_a_chart_with_an_unknown_guard_name(tmp_path, capsys):
     error = refused(capsys, *TASK, "--chart", path, "--out", tmp_path / "out")
     line = next(k for k, row in enumerate(path.read_text().splitlines(), 1) if "hand ==" in row)
     assert f"{path}:{line}: guard of 'w_joint' uses the unknown name 'hand'" in error
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "chart", ["examples/door.scxml", "statecharts/fig2_literal.scxml", "statecharts/query_latch.scxml"]
+)
+def test_a_chart_of_something_else_is_told_what_it_lacks(chart, tmp_path, capsys):
+    path = Path(__file__).resolve().parents[2] / chart
+    error = refused(capsys, *TASK, "--chart", path, "--out", tmp_path / "out")
+    assert f"{path}: no chart of the collaboration, it lacks inputs " in error
+    assert "joint_ready, robot_waiting, decision_index, variables i; begin with a copy of pace_task.scxml" in error
     assert not (tmp_path / "out").exists()
 
 

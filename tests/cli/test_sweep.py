@@ -2,18 +2,21 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
 from pace_drake.learning.sweep import load_sweep
+from pace_drake.learning.sweep_runner import SweepLog
 from tests.cli.test_run import pace, refused
 
 pytestmark = pytest.mark.skipif(
@@ -97,6 +100,33 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_no_process(interrupted, file):
     assert error.strip() == "pace: interrupted; 1 of 2 rows are in small.jsonl; run the same command again to go on"
     assert left == []
     assert parquet.read_table(file.with_suffix(".parquet")).to_pylist() == rows
+
+
+def test_ctrl_c_before_the_first_row(tmp_path, monkeypatch, capsys):
+    from pace_drake.cli import sweep
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep, "_run", interrupt)
+    monkeypatch.chdir(tmp_path)
+    example = Path(__file__).resolve().parents[2] / "examples" / "sweep.yaml"
+    assert pace("sweep", example) == 130
+    error = capsys.readouterr().err
+    said = r"pace: interrupted; none of \d+ is finished; run the same command again to go on"
+    assert re.fullmatch(said, error.strip())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_while_a_row_goes_to_the_disk_keeps_it(tmp_path, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    path = tmp_path / "log.jsonl"
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt), SweepLog(path) as log:
+        log.append(SimpleNamespace(key="k"), {"seed": 0})
+    assert [json.loads(line) for line in path.read_text().splitlines()] == [{"key": "k", "row": {"seed": 0}}]
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -140,16 +141,36 @@ def test_ctrl_c_and_resume(quick, tmp_path, monkeypatch, capsys):
     assert (broken / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
     one, other = (json.loads((folder / "policy.json").read_text()) for folder in (whole, broken))
     assert one == other
-    assert "no such checkpoint" in refused(capsys, *train(broken, "--resume"))
 
 
-def test_a_checkpoint_that_is_not_asked_for_is_named(quick, tmp_path, monkeypatch, capsys):
+def test_done_it_stays_done(quick, tmp_path, capsys):
+    assert pace(*train(tmp_path)) == 0
+    cost = re.search("mean cost .*", capsys.readouterr().out)[0]
+    before = {path: (path.read_bytes(), path.stat().st_ino) for path in tmp_path.iterdir()}
+    assert pace(*train(tmp_path, "--resume")) == 0
+    printed = capsys.readouterr().out
+    assert f"{tmp_path / 'policy.onnx'}: is done already\n" in printed
+    assert cost in printed
+    assert {path: path.read_bytes() for path in before} == {path: content for path, (content, _) in before.items()}
+    policy = tmp_path / "policy.onnx"
+    assert policy.stat().st_ino == before[policy][1]  # not written again
+
+
+def test_nothing_is_replaced(quick, tmp_path, monkeypatch, capsys):
     with Interrupted(monkeypatch, 1500):
         assert pace(*train(tmp_path)) == 130
-    capsys.readouterr()
-    assert pace(*train(tmp_path)) == 0
-    assert "--resume would go on with it" in capsys.readouterr().out
-    assert names(tmp_path) == ["policy.json", "policy.onnx"]
+    (kept,) = tmp_path.iterdir()
+    content = kept.read_bytes()
+    assert f"{kept}: is of a training that was interrupted; --resume goes on" in refused(capsys, *train(tmp_path))
+    assert kept.read_bytes() == content
+    assert pace(*train(tmp_path, "--resume")) == 0
+    for name in ("policy.onnx", "policy.json"):  # the second after the first is removed
+        before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+        for options in ((), ("--backend", "diagram")):
+            error = refused(capsys, *train(tmp_path, *options))
+            assert f"{tmp_path / name}: exists; choose another --out, or remove it" in error
+        assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+        (tmp_path / name).unlink()
 
 
 def test_several_seeds(quick, tmp_path, monkeypatch, capsys):
@@ -175,11 +196,13 @@ def test_several_seeds(quick, tmp_path, monkeypatch, capsys):
     assert (tmp_path / "alone" / "policy.onnx").read_bytes() == (tmp_path / "policy-7.onnx").read_bytes()
 
 
-def test_what_other_settings_have_made_is_not_taken_for_done(quick, tmp_path):
-    assert pace(*train(tmp_path, "--seeds", 2)) == 0
-    assert pace(*train(tmp_path, "--seeds", 2, "--resume", "--steps", 1024)) == 0
-    for seed in (0, 1):
-        assert json.loads((tmp_path / f"policy-{seed}.json").read_text())["decisions"] == 1024
+@pytest.mark.parametrize("options", [(), ("--seeds", 2)])
+def test_what_other_settings_have_made_is_not_taken_for_done(options, quick, tmp_path, capsys):
+    assert pace(*train(tmp_path, *options)) == 0
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    error = refused(capsys, *train(tmp_path, *options, "--resume", "--steps", 1024))
+    assert ".onnx: is not what this command would make; choose another --out, or remove it" in error
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
 def test_patience_ends_early(quick, tmp_path, monkeypatch):

@@ -78,7 +78,11 @@ def test_mistakes_give_one_line(runs, capsys, tmp_path, monkeypatch):
     assert "found no browser" in refused(capsys, "view", run)
     (run / "replay.html").write_text("<html></html>")
     assert "must be a .png" in refused(capsys, "view", run, "--screenshot", "a.jpg")
-    assert "must be a .png in a folder" in refused(capsys, "view", run, "--screenshot", "absent/a.png")
+    assert "absent: no such folder" in refused(capsys, "view", run, "--screenshot", "absent/a.png")
+    for at in ("1e9", "nan", "inf"):
+        assert "the episode of the replay goes from 0 to " in refused(
+            capsys, "view", run, "--screenshot", "a.png", "--at", at
+        )
     monkeypatch.setattr(screenshot, "find_chromium", lambda: None)
     assert "apt-get install chromium" in refused(capsys, "view", run, "--screenshot", "a.png")
     (run / "replay.html").unlink()

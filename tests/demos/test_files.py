@@ -25,7 +25,7 @@ DEMOS = [
 def npz(path, **changes):
     """Writes a good NPZ of two demonstrations with some arrays changed, or left out where None."""
     arrays = {
-        "x": np.arange(30.0).reshape(10, 3),
+        "x": np.arange(30.0).reshape(10, 3) / 10,
         "length": np.array([6, 4]),
         "dt": np.array(0.1),
         "subject": np.array(["H1", "H2"]),
@@ -140,17 +140,17 @@ def test_npz_without_the_optional_arrays(tmp_path):
     path = npz(tmp_path / "rails.npz", subject=None, trial=None, units=None, columns=None)
     first, second = read_demonstrations(path)
     assert (first.name, second.name) == ("rails/unknown/1", "rails/unknown/2")
-    np.testing.assert_array_equal(second.p_WH, np.arange(18.0, 30.0).reshape(4, 3))
+    np.testing.assert_array_equal(second.p_WH, np.arange(18.0, 30.0).reshape(4, 3) / 10)
 
 
 def test_npz_labels_and_units(tmp_path):
     path = npz(tmp_path / "a.npz", action=np.array("place_rails"), units=np.array("mm"), trial=np.array([3, 4]))
     first, second = read_demonstrations(path)
     assert (first.name, second.name) == ("place_rails/H1/3", "place_rails/H2/4")
-    np.testing.assert_allclose(first.p_WH[1], [0.003, 0.004, 0.005])
+    np.testing.assert_allclose(first.p_WH[1], [0.0003, 0.0004, 0.0005])
 
 
-X = np.arange(30.0).reshape(10, 3)
+X = np.arange(30.0).reshape(10, 3) / 10
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,14 @@ X = np.arange(30.0).reshape(10, 3)
         ({"x": X.ravel()}, "x must have 3 columns"),
         ({"x": X.astype(str)}, "x must hold numbers"),
         ({"x": X[:0], "length": np.array([], int)}, "is empty"),
-        ({"x": np.where(X == 13.0, np.nan, X)}, "x has NaN or inf in row 4"),
-        ({"x": np.where(X == 29.0, -np.inf, X)}, "x has NaN or inf in row 9"),
+        ({"x": np.where(X == 1.3, np.nan, X)}, "x has NaN or inf in row 4"),
+        ({"x": np.where(X == 2.9, -np.inf, X)}, "x has NaN or inf in row 9"),
+        (
+            {"x": 1000 * X},
+            r"row 0 .from 0. of x is farther than 10 m from the origin, its units are m: .* units to 'mm'",
+        ),
+        ({"x": np.where(X == 2.9, 1e200, X)}, "row 9 .from 0. of x is farther than 10 m"),
+        ({"x": 1e6 * X, "units": np.array("mm")}, "row 0 .from 0. of x is farther than 10 m .* its units are mm"),
         ({"length": np.array([6, 5])}, "the lengths sum to 11 but x has 10 rows"),
         ({"length": np.array([9, 1])}, "demonstration 1 has 1 samples, each must have at least 2"),
         ({"length": np.array([12, -2])}, "demonstration 1 has -2 samples"),
@@ -222,10 +228,10 @@ def test_a_damaged_npz(tmp_path):
 
 def test_csv_without_labels(tmp_path):
     path = tmp_path / "rails.csv"
-    path.write_text("\ufeffz,time,x,y\n3,10.0,1,2\n6,10.5,4,5\n\n9,11.0,7,8\n", encoding="utf-8")
+    path.write_text("\ufeffz,time,x,y\n.3,10.0,.1,.2\n.6,10.5,.4,.5\n\n.9,11.0,.7,.8\n", encoding="utf-8")
     (demo,) = read_demonstrations(path)
     assert (demo.name, demo.sample_period, demo.synthetic) == ("rails/unknown/1", 0.5, False)
-    np.testing.assert_array_equal(demo.p_WH, np.arange(1.0, 10.0).reshape(3, 3))
+    np.testing.assert_array_equal(demo.p_WH, np.arange(1.0, 10.0).reshape(3, 3) / 10)
 
 
 def test_csv_rows_of_two_demonstrations_may_alternate(tmp_path):
@@ -269,6 +275,8 @@ def test_csv_times_that_are_not_uniform_are_interpolated(tmp_path):
         ("time,x,y,z\n0,1,2,3\n1,1,2,3\n1,1,2,3\n", r"time does not increase at line 4 \(1 s after 1 s\)"),
         ("time,x,y,z\n0,1,2,3\n2,1,2,3\n1,1,2,3\n", r"time does not increase at line 4 \(1 s after 2 s\)"),
         ("time,x,y,z\n0,1,2,3\n1,1,2,3\n2,1,2,3\n1e6,1,2,3\n", "time jumps by 999998 s at line 5"),
+        ("time,x,y,z\n0,1,2,3\n1,1,2,3e3\n", "line 3 is farther than 10 m from the origin: .* divide them by 1000"),
+        ("time,x,y,z\n0,1,2,3\n1,-1e200,2,3\n", "line 3 is farther than 10 m"),
         ("time,x,y,z,synthetic\n0,1,2,3,yes\n1,1,2,3,yes\n", "synthetic must be 0 or 1, got 'yes'"),
         ("time,x,y,z,action\n0,1,2,3,\n1,1,2,3,\n", "action of a demonstration must be a printable"),
     ],

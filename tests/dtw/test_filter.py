@@ -225,6 +225,13 @@ def test_better_than_alignment_and_time_on_people_it_never_saw():
         (lambda: Calibration(3.0, 0.2, (0.0,), (math.inf,), (0.1,)), "slope"),
         (lambda: Calibration(3.0, 0.2, (0.0,), (0.0,), (0.1, 0.0)), "std"),
         (lambda: Calibration.fit([np.linspace(0, 1, 9)], 3.0, 0.1), "phases"),
+        (
+            lambda: Calibration.fit([np.linspace(0, 1, 9)] * 2, -22.0, 0.1),
+            "reference_duration must be > 0 .s., got -22",
+        ),
+        (lambda: PhaseFilter.fit(Given(), [np.zeros((9, 1))] * 2, reference_duration=-22.0), "reference_duration"),
+        (lambda: PhaseFilter.fit(Given(), [np.zeros((9, 1))], 3.0), "demonstrations must be at least 2 .*, got 1"),
+        (lambda: PhaseFilter.fit(Given(), [], 3.0), "demonstrations must be at least 2 .*, got 0"),
         (lambda: PhaseFilter(Given(), CHAIR).remaining_time_interval(np.zeros(4), 1.0), "probability"),
         (lambda: PhaseFilter(Given(), CHAIR).update([math.nan]), "sample"),
     ],

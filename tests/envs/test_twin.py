@@ -5,6 +5,7 @@ from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -157,6 +158,21 @@ def test_vector_env(scenario, pool):
             ended += 1
         assert not truncated.any()
     assert ended > 100
+
+
+def test_gymnasium_makes_it(scenario, pool):
+    """By default, too; the environments that it replaces have the same spaces."""
+    made = {
+        name: gym.make_vec(name, num_envs=3, vectorization_mode=mode, pool=pool, scenario=scenario)
+        for name, mode in (("PaceAssembly-v0", "vector_entry_point"), ("PaceAssemblyNoPhase-v0", None))
+    }
+    for name, envs in made.items():
+        assert isinstance(envs.unwrapped, PaceAssemblyVectorEnv)
+        assert envs.single_observation_space == gym.make(name, scenario=scenario).observation_space
+        assert envs.reset(seed=0)[0].shape == (3, 4 if name == "PaceAssembly-v0" else 3)
+    assert scenario.observation == "paper"  # ours is as it was
+    with pytest.raises(InputError, match=r"human\.split: must be one of"):
+        gym.make_vec("PaceAssembly-v0", split="both")
 
 
 def test_the_same_seed_gives_the_same_episodes(scenario, pool):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pace_drake.errors import InputError
-from pace_drake.policies.learned import LearnedPolicy
+from pace_drake.policies.factory import make_policy
+from pace_drake.policies.learned import FORMAT, LearnedPolicy, task_signature
 from pace_drake.task import RobotTask
 
 
@@ -59,6 +60,32 @@ def test_files_that_are_refused(tmp_path, chair, path):
             LearnedPolicy(file, chair.task)
         assert name in str(error.value)
         assert "\n" not in str(error.value)
+
+
+def test_a_file_of_somebody_else_that_keeps_the_contract(tmp_path, chair):
+    """As docs/learning.md states it: a linear network, made without SB3; it assists from phase 0.5 on."""
+    onnx = pytest.importorskip("onnx", reason="extra 'train' is not installed")
+    from onnx import TensorProto, helper, numpy_helper
+
+    inputs = [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", 4])]
+    outputs = [helper.make_tensor_value_info("scores", TensorProto.FLOAT, ["batch", 2])]
+    weights = np.zeros((4, 2), dtype=np.float32)
+    weights[3, 1] = 1.0
+    constants = {"weights": weights, "bias": np.array([0.5, 0.0], dtype=np.float32)}
+    graph = helper.make_graph(
+        [helper.make_node("Gemm", ["observation", "weights", "bias"], ["scores"])],
+        "own",
+        inputs,
+        outputs,
+        [numpy_helper.from_array(value, name) for name, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    metadata = {"format": FORMAT, "task": task_signature(chair.task), "observation": "paper"}
+    helper.set_model_props(model, metadata)
+    onnx.save(model, tmp_path / "own.onnx")
+    dut = make_policy(str(tmp_path / "own.onnx"), chair)
+    rows = np.array([[1, 1, 3.0, 0.4], [1, 1, 3.0, 0.5], [1, 1, 3.0, 0.6], [1, 2, 0.0, 0.0], [1, 1, np.nan, 0.6]])
+    assert dut.decide_all(rows).tolist() == [0, 0, 1, 1, -1]  # a tie goes on; who waits is helped
 
 
 def test_a_policy_of_another_task_is_refused(chair, path):

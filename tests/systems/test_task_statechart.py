@@ -136,7 +136,7 @@ def test_a_chain_reads_the_decision_once(tmp_path):
     ("old", "new", "message"),
     [
         ('"HOME_KIND" expr="4"', '"HOME_KIND" expr="9"', "HOME_KIND = 9 is no action kind; known are NONE_KIND 0"),
-        ('id="decision_index"', 'id="decisions"', "needs 'decision_index' among its outputs"),
+        ('id="decision_index"', 'id="decisions"', "it lacks outputs decision_index; begin with a copy of pace_task"),
     ],
 )
 def test_a_chart_that_is_no_task_chart_is_refused(tmp_path, old, new, message):
