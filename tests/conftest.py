@@ -1,7 +1,12 @@
 """Shared by all tests: no network, one diagram per session (Drake never frees Python systems)."""
 
 import os
+import signal
 from pathlib import Path
+
+# Ctrl-C is tried on processes of their own, which inherit that it is ignored where a shell has started us with "&".
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Before any Drake import: LCM over the network is refused; memq:// and Meshcat on localhost are not. Parser needs
 # package_map to be allowed, though nothing of ours is downloaded by it.

@@ -85,13 +85,13 @@ class _Book:
 
     def __init__(self, file: Path, action: str, subject: str, trial: str | None, period: float, max_gap: float) -> None:
         from pace_drake.demos import read_demonstrations
+        from pace_drake.files import check_file
 
         self.file, self.action, self.subject = file, action, subject
         self.period, self.max_gap, self.num_added = period, max_gap, 0
         if file.suffix.lower() not in (".npz", ".csv"):
             raise InputError(f"{file}: is neither .npz nor .csv, choose one of them")
-        if not file.parent.is_dir():
-            raise InputError(f"{file.parent}: no such folder")
+        check_file(file)
         self.known: Sequence[Demonstration] = read_demonstrations(file) if file.exists() else ()
         for one in self.known:
             require(

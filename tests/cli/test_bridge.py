@@ -16,6 +16,7 @@ from tests.bridge.conftest import make_parts
 from tests.bridge.rig import Rig
 from tests.cli.test_run import pace, refused
 from tests.peers.processes import environment, until
+from tests.started import started
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +155,7 @@ def test_bridge_without_a_robot_says_so_and_leaves_nothing(tmp_path):
     assert "human.monitor: a real person does not tell the robot what they do" in done.stderr
     assert not out.exists()
     # Ctrl-C while it waits ends it as well.
-    with subprocess.Popen(
+    with started(
         [*command, "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()
     ) as process:
         until(out.exists, 60.0)

@@ -23,6 +23,7 @@ VERBS = [
     "view {run} --screenshot {bad}.png",
     "diagram --level task --output {bad}.dot",
     "demos {bad}.npz",
+    "record {bad}.npz --action place_rails --subject P1 --lcm-url udpm://239.255.76.67:7667?ttl=0",
     "tune --out {bad}.yaml",
     "tune --out {here}/e.yaml --journal {bad}",
     "evaluate phase --json {bad}",
@@ -92,7 +93,7 @@ def test_every_output_is_tried():
             if isinstance(one.type, click.Path) and isinstance(one, click.Option) and one.type.type is Path:
                 yield " ".join(words), one.opts[-1]
 
-    read = {("chart check", "--checks")}
+    read = {("chart check", "--checks"), ("record", "--log")}
     tried = {
         (verb, option)
         for verb, option in options(root)

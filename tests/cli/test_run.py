@@ -15,6 +15,7 @@ from pace_drake.cli.main import main
 from pace_drake.evaluate.event_log import COLUMNS
 from pace_drake.evaluate.timeline import read_events
 from pace_drake.scenario import load_scenario
+from tests.started import started
 
 TASK = ["run", "--level", "task", "--policy", "phase_threshold"]
 
@@ -247,14 +248,12 @@ def test_a_single_recording_says_that_its_reference_is_synthetic(tmp_path):
 def test_killed_half_way_the_events_so_far_can_be_read(tmp_path):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "pace_drake.cli.main", *TASK, "--episodes", "100000", "--out", str(out)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            for _ in range(600):
-                if (out / "events.csv").exists() and (out / "events.csv").stat().st_size > 20_000:
-                    break
-                time.sleep(0.1)
-        finally:
-            process.send_signal(signal.SIGKILL)
+    with started(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        for _ in range(600):
+            if (out / "events.csv").exists() and (out / "events.csv").stat().st_size > 20_000:
+                break
+            time.sleep(0.1)
+        process.send_signal(signal.SIGKILL)
     assert process.returncode == -signal.SIGKILL
     events = read_events(out / "events.csv")
     assert [e["name"] for e in events if e["kind"] == "episode"] == ["start", "finished"]
@@ -268,7 +267,7 @@ def test_killed_half_way_the_events_so_far_can_be_read(tmp_path):
 def test_ctrl_c_says_so_and_keeps_the_folder(tmp_path):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "pace_drake.cli.main", *TASK, "--episodes", "100000", "--out", str(out)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+    with started(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         for _ in range(600):
             if (out / "events.csv").exists() and (out / "events.csv").stat().st_size > 20_000:
                 break
