@@ -5,9 +5,10 @@ from pydrake.lcm import DrakeLcm
 
 from pace_drake.lcm.types import lcmt_pace_operator
 from tests.cli.test_run import pace, refused
+from tests.network import own_url
 
 #: Nothing goes there: the tests take the LCM's place.
-URL = "udpm://239.255.76.67:7667?ttl=0"
+URL = own_url()
 
 
 @pytest.mark.parametrize(
