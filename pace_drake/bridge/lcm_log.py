@@ -55,6 +55,11 @@ class LcmLog:
         self.close()
 
 
+def log_file(path: Path) -> Path:
+    """The log where a run folder of `pace bridge` is named; a file stays as it is."""
+    return path / "lcm.log" if path.is_dir() else path
+
+
 def read_log(path: Path) -> Iterator[LoggedMessage]:
     """The messages of a log, in the order in which they were logged.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pace_drake.dtw.estimator_file import read_estimator_file
 from pace_drake.people import People
-from pace_drake.policies.factory import POLICIES
+from pace_drake.policies.factory import policy_name
 from pace_drake.scenario import SYNTHETIC, Scenario, load_scenario, scenario_names
 
 
@@ -36,7 +36,7 @@ def synthetic_parts(scenario: Scenario, people: People) -> list[str]:
 def _policy_is_synthetic(scenario: Scenario) -> bool:
     if scenario.policy.endswith(".onnx"):
         return _card_says_so(Path(scenario.policy))
-    name = next((one for one in POLICIES if one.startswith(scenario.policy.strip().lower().replace("-", "_"))), "")
+    name = policy_name(scenario.policy)
     if name == "learned":
         return _card_says_so(scenario.resolve(scenario.learned_policy))
     if not name.endswith("_threshold"):

@@ -59,7 +59,7 @@ def command(
     `pace tune --data` learns from. Positions as tracked, in world [m] (docs/lcm.md).
     """
     from pace_drake.bridge.hand_recording import recording_of
-    from pace_drake.bridge.lcm_log import read_log
+    from pace_drake.bridge.lcm_log import log_file, read_log
     from pace_drake.lcm.config import LcmConfig
 
     if (url is None) == (log is None):
@@ -72,11 +72,12 @@ def command(
     if log is None:
         _record(config, book)
         return
-    path = log / "lcm.log" if log.is_dir() else log
+    path = log_file(log)
+    messages = list(read_log(path))
     try:
-        recording = recording_of(read_log(path), config, start, end)
+        recording = recording_of(messages, config, start, end)
     except InputError as error:
-        raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}") from None
     click.echo(book.add(recording))
 
 

@@ -46,7 +46,7 @@ def command(
     import numpy as np
     from rich.console import Console
 
-    from pace_drake.bridge.lcm_log import read_log
+    from pace_drake.bridge.lcm_log import log_file, read_log
     from pace_drake.bridge.playback import Playback
     from pace_drake.bridge.retrace import read_episode
     from pace_drake.bridge.session import Session
@@ -56,7 +56,7 @@ def command(
     from pace_drake.scenario import load_scenario
 
     folder = log if log.is_dir() else log.parent
-    messages = list(read_log(log / "lcm.log" if log.is_dir() else log))
+    messages = list(read_log(log_file(log)))
     recorded_scenario, recorded_episode = folder / "scenario.yaml", folder / "episode.json"
     if scenario is None:
         scenario = str(recorded_scenario) if recorded_scenario.exists() else "ikea_chair"

@@ -47,12 +47,8 @@ def make_policy(name: str, scenario: Scenario, any_observation: bool = False) ->
             f"{name}: a file of Stable-Baselines3 holds a pickle and is not read here; make a policy file of it, once:"
             f" pace export {name} --trust-pickle -o {Path(name).stem}.onnx"
         )
-    key = name.strip().lower().replace("-", "_").replace(" ", "_")
-    matches = [policy for policy in POLICIES if key and policy.startswith(key)]
-    if len(matches) != 1:
-        raise InputError(f"unknown policy {name!r}; use one of {', '.join(POLICIES)}, or a file ending in .onnx")
     joint = joint_actions(task)
-    match matches[0]:
+    match policy_name(name):
         case "explicit_query":
             return ExplicitQuery(joint)
         case "always_assist":
@@ -67,6 +63,19 @@ def make_policy(name: str, scenario: Scenario, any_observation: bool = False) ->
             return RemainingTimeThreshold(_thresholds(scenario, "remaining_time_threshold", -inf), joint)
         case _:
             return LearnedPolicy(_learned_path(scenario), task, seen)
+
+
+def policy_name(text: str) -> str:
+    """Which of ``POLICIES`` is meant; hyphens, spaces and unambiguous beginnings are understood.
+
+    Raises:
+        InputError: none, or several.
+    """
+    key = text.strip().lower().replace("-", "_").replace(" ", "_")
+    matches = [policy for policy in POLICIES if key and policy.startswith(key)]
+    if len(matches) != 1:
+        raise InputError(f"unknown policy {text!r}; use one of {', '.join(POLICIES)}, or a file ending in .onnx")
+    return matches[0]
 
 
 def _thresholds(scenario: Scenario, name: str, never: float = inf) -> tuple[float, ...]:
