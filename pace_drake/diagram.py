@@ -12,6 +12,7 @@ from pace_drake.lcm.link import Lcm
 from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.people import People, load_people
 from pace_drake.policies import Policy, check_policy
+from pace_drake.policies.learned import LearnedPolicy
 from pace_drake.scenario import Scenario
 from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
@@ -104,7 +105,8 @@ class Assembly(Diagram):
 
     Raises:
         InputError: the chart or the people of the scenario cannot be used, or the station has not the cameras that
-            its perception needs, or the robot is to be told what a real person does.
+            its perception needs, or the robot is to be told what a real person does, or a learned policy was trained
+            with another phase estimate.
     """
 
     def __init__(
@@ -169,6 +171,8 @@ class Assembly(Diagram):
         self.phase_estimator: PhaseEstimator = add(
             PhaseEstimator(estimators, period, periodic=reaction_period is not None)
         )
+        if isinstance(policy, LearnedPolicy):
+            policy.check_estimates(scenario, self.people, estimators)
         seen = scenario.observation if policy is None else policy.observation
         self.observation: Observation = add(Observation(seen))
         self.pace_monitor: PaceMonitor | None = None

@@ -1,11 +1,14 @@
 """Every example runs and shows what it says."""
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pace_drake.errors import InputError
+from pace_drake.policies.factory import make_policy
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -45,9 +48,18 @@ def test_bridge():
     assert 0 < worst_error < 0.03  # [rad], lag of the peer's 30 Hz filter
 
 
-def test_own_policy():
-    costs = load("own_policy").run(50)
+def test_own_policy(chair):
+    module = load("own_policy")
+    costs = module.run(50)
     assert 0 < costs["own"] < costs["explicit query"]
+    # It is what it says: the rule of the package with 0.5 everywhere.
+    rule = make_policy("phase_threshold", replace(chair, phase_threshold=dict.fromkeys(chair.phase_threshold, 0.5)))
+    rng = np.random.default_rng(0)
+    rows = np.column_stack(
+        [rng.integers(1, 5, 200), rng.integers(1, 7, 200), rng.uniform(0, 40, 200), rng.uniform(0, 1, 200)]
+    )
+    own = module.HalfPhase(chair.task.human_index_of_joint)
+    assert own.decide_all(rows).tolist() == rule.decide_all(rows).tolist()
 
 
 def test_own_chart():

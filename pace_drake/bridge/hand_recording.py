@@ -8,8 +8,9 @@ from pace_drake.bridge.lcm_log import LoggedMessage
 from pace_drake.demos.model import Demonstration, interpolate
 from pace_drake.errors import InputError, require
 from pace_drake.lcm.config import LcmConfig
+from pace_drake.lcm.inbox import Sieve
 from pace_drake.lcm.types import lcmt_pace_hand
-from pace_drake.systems.hand_receiver import REORDERED, wrong_with
+from pace_drake.systems.hand_receiver import HAND
 
 
 class HandRecording:
@@ -26,8 +27,7 @@ class HandRecording:
         self.synthetic = False
         self._times: list[float] = []
         self._p_WH: list[tuple[float, ...]] = []
-        self._sequence: int | None = None
-        self._num_bad, self._last_bad = 0, ""
+        self._sieve = Sieve(lcmt_pace_hand, **HAND)
 
     @property
     def num_samples(self) -> int:
@@ -36,21 +36,10 @@ class HandRecording:
 
     def take(self, data: bytes) -> None:
         """Takes the bytes of a message; never raises."""
-        try:
-            sample = lcmt_pace_hand.decode(data)
-        # What lcm-gen writes raises whatever struct and slicing raise on bytes from outside.
-        except Exception:
-            self._refuse("bytes that are no lcmt_pace_hand")
-            return
-        if wrong := wrong_with(sample):
-            self._refuse(wrong)
-        elif self._sequence is None or not 0 <= self._sequence - sample.sequence <= REORDERED:
-            self._sequence = sample.sequence
+        if self._sieve.take(data):
+            sample = self._sieve.newest
             self._times.append(1e-6 * sample.utime)
             self._p_WH.append(tuple(sample.p_WH))
-
-    def _refuse(self, what: str) -> None:
-        self._num_bad, self._last_bad = self._num_bad + 1, what
 
     def demonstration(self, action: str, subject: str, trial: str, period: float, max_gap: float) -> Demonstration:
         """What was shown, at a uniform period: what the diagram would have sampled of it.
@@ -64,7 +53,8 @@ class HandRecording:
             InputError: no or too few samples, a gap, or a clock that does not run forwards; one line.
         """
         name = f"{action}/{subject}/{trial}"
-        bad = f"; {self._num_bad} that cannot be used, the last: {self._last_bad}" if self._num_bad else ""
+        sieve = self._sieve
+        bad = f"; {sieve.num_bad} that cannot be used, the last: {sieve.last_bad}" if sieve.num_bad else ""
         require(len(self._times) > 1, name, f"only {len(self._times)} usable samples of the hand{bad}")
         times = np.array(self._times) - self._times[0]
         steps = np.diff(times)

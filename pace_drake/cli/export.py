@@ -43,6 +43,7 @@ def command(file: Path, scenario: str, trust_pickle: bool, overrides: tuple[str,
         raise InputError(f"{file}: no .zip that Stable-Baselines3 saved")
 
     from pace_drake.cli.train import versions
+    from pace_drake.people import load_people
     from pace_drake.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides)
@@ -58,6 +59,6 @@ def command(file: Path, scenario: str, trust_pickle: bool, overrides: tuple[str,
         "seeds": {"training": model.seed},
         "versions": versions(),
     }
-    export_policy(model, loaded, out, card)
+    export_policy(model, loaded, load_people(loaded), out, card)
     click.echo(f"policy: {out}, card: {out.with_suffix('.json')}")
     click.echo(f"run it with: pace run {loaded.name} --policy {out}")

@@ -12,8 +12,9 @@ set_option = click.option(
 )
 
 
-def _to_others(_: click.Context, __: click.Parameter, url: str) -> str:
-    if url.startswith("memq:"):
+def of_a_network(_: click.Context, __: click.Parameter, url: str | None) -> str | None:
+    """Refuses memq:// as the value of an option; other processes do not hear it."""
+    if url is not None and url.startswith("memq:"):
         raise InputError(
             "--lcm-url: memq:// reaches nobody outside this process: give one of a network, such as"
             " udpm://239.255.76.67:7667?ttl=0"
@@ -25,7 +26,7 @@ lcm_url_option = click.option(
     "--lcm-url",
     "url",
     required=True,
-    callback=_to_others,
+    callback=of_a_network,
     help="LCM URL, such as 'udpm://239.255.76.67:7667?ttl=0' for this machine alone.",
 )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pace_drake.cli.options import of_a_network
 from pace_drake.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -22,7 +23,12 @@ if TYPE_CHECKING:
 @click.option("--action", required=True, help="Which action is shown, by its name in the scenario.")
 @click.option("--subject", required=True, help="Who shows it, such as P1.")
 @click.option("--trial", help="Which of their trials; default the first number that is not in FILE.")
-@click.option("--lcm-url", "url", help="Where the tracker sends, such as 'udpm://239.255.76.67:7667?ttl=0'.")
+@click.option(
+    "--lcm-url",
+    "url",
+    callback=of_a_network,
+    help="Where the tracker sends, such as 'udpm://239.255.76.67:7667?ttl=0'.",
+)
 @click.option("--log", type=click.Path(path_type=Path), help="An LCM log, or a run folder of `pace bridge`, instead.")
 @click.option("--from", "start", type=float, default=0.0, help="[s] since the log's first message; default 0.")
 @click.option("--to", "end", type=float, default=inf, help="[s] likewise; default the log's end.")

@@ -149,7 +149,7 @@ def command(
         begun = resume and (checkpoint_path(path).exists() or seeds == 1)
         model, more = _train(loaded, own[one], backend, path, evaluator, begun, tensorboard, console)
         cards[one] = {**facts[one], **more}
-        _write(model, loaded, path, cards[one])
+        _write(model, loaded, people, path, cards[one])
     _finish(loaded, people, paths, cards, episodes, console)
 
 
@@ -264,11 +264,11 @@ def _train(
     return model, more
 
 
-def _write(model: "PPO", scenario: "Scenario", path: Path, card: dict[str, Any]) -> None:
+def _write(model: "PPO", scenario: "Scenario", people: "People", path: Path, card: dict[str, Any]) -> None:
     from pace_drake.learning.checkpoint import checkpoint_path, remove_checkpoint
     from pace_drake.learning.export import export_policy
 
-    export_policy(model, scenario, path, card)
+    export_policy(model, scenario, people, path, card)
     remove_checkpoint(checkpoint_path(path))
 
 
@@ -292,7 +292,7 @@ def _finish(
             del score[name]
         about = {"split": scenario.human.split, "people": people.description}
         card = {**cards[seed], "seeds": {**cards[seed]["seeds"], "score": SCORE_SEED}}
-        write_card(path, scenario, {**card, "score": {**score, **about}})
+        write_card(path, {**card, "score": {**score, **about}})
 
     def cost(seed: int) -> str:
         low, high = results[seed].cost_interval

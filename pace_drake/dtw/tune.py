@@ -190,7 +190,8 @@ class _Search:
 
         verbosity = optuna.logging.get_verbosity()
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        # The matrices are tiny: threads of linear algebra would wait for one another longer than they work.
+        # The matrices are tiny: threads of linear algebra would wait for one another longer than they work. `pace` has
+        # one thread already; whoever calls this from elsewhere has as many as cores, and waited twice as long.
         limits = threadpool_limits(1)
         try:
             study = optuna.create_study()

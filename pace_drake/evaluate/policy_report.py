@@ -4,6 +4,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -130,7 +131,10 @@ def tables(comparison: Comparison, study: Study | None, powers: Sequence[Power])
     worlds = len(comparison.results)
     what = "SYNTHETIC people, " if comparison.synthetic else ""
     over = f"mean of {worlds} worlds" if worlds > 1 else "one world"
-    found = [_table_one(comparison, f"Table I: {what}{SPLIT_NAMES[comparison.main]}, {over}")]
+    found = [
+        _idle(comparison, f"Table I: {what}{SPLIT_NAMES[comparison.main]}, {over}"),
+        _compared(comparison, f"Cost, compared: {what}{SPLIT_NAMES[comparison.main]}, {over}"),
+    ]
     if len(comparison.splits) > 1:
         found.append(_costs(comparison, f"Cost by people [s]: {what}{over}"))
     found.append(_fluency(comparison, f"Fluency: {what}{SPLIT_NAMES[comparison.main]}, {over}"))
@@ -145,42 +149,35 @@ def tables(comparison: Comparison, study: Study | None, powers: Sequence[Power])
     return found
 
 
-def _table_one(comparison: Comparison, title: str) -> Table:
-    rows = comparison.rows()
-    joints = [f"A{k + 1}" for k in range(len(rows[0].robot_idle))]
+def _idle(comparison: Comparison, title: str) -> Table:
+    body = [[row.policy, _sum(row.robot_idle), _sum(row.human_idle), f"{row.cost:.2f}"] for row in comparison.rows()]
+    body += [
+        [f"{name} (paper)", _sum(robot), _sum(human), f"{cost:.2f}"]
+        for name, (robot, human, cost) in PAPER_TABLE_I.items()
+    ]
+    idle = "/".join(f"A{k + 1}" for k in range(len(comparison.rows()[0].robot_idle)))
+    columns = ["", f"robot idle [s]\n{idle} = total", f"human idle [s]\n{idle} = total", "cost\n[s]"]
+    return Table(f"{title}; (paper): {PAPER_NOTE}", columns, body)
+
+
+def _compared(comparison: Comparison, title: str) -> Table:
     body = [
         [
             row.policy,
-            _sum(row.robot_idle),
-            _sum(row.human_idle),
             f"{row.cost:.2f}",
-            f"±{(row.cost_interval[1] - row.cost_interval[0]) / 2:.2f}",
+            f"±{_half(row.cost_interval):.2f}",
             "-" if np.isnan(row.cheaper) or row.policy == "never assist" else f"{row.cheaper:.1f}",
             "-" if np.isnan(row.gap) or row.policy == "never assist" else f"{row.gap:.0f}",
         ]
-        for row in rows
+        for row in comparison.rows()
     ]
-    body += [
-        [f"{name} ({PAPER_NOTE})", _sum(robot), _sum(human), f"{cost:.2f}", "", "", ""]
-        for name, (robot, human, cost) in PAPER_TABLE_I.items()
-    ]
-    idle = " / ".join(joints)
-    columns = [
-        "",
-        f"robot idle [s]\n{idle}",
-        f"human idle [s]\n{idle}",
-        "cost\n[s]",
-        "95 %",
-        "cheaper than\nno phase [%]",
-        "gap\nclosed [%]",
-    ]
-    return Table(title, columns, body)
+    return Table(title, ["", "cost\n[s]", "95 %", "cheaper than\nno phase [%]", "gap\nclosed [%]"], body)
 
 
 def _sum(values: Sequence[float]) -> str:
     if np.isnan(values[0]):
         return "-"
-    return f"{' / '.join(f'{v:.2f}' for v in values)} = {sum(values):.2f}"
+    return f"{'/'.join(f'{v:.2f}' for v in values)} = {sum(values):.2f}"
 
 
 def _costs(comparison: Comparison, title: str) -> Table:
@@ -192,7 +189,7 @@ def _costs(comparison: Comparison, title: str) -> Table:
     ]
     rmse = [f"{np.mean([r.phase_rmse[s] for r in comparison.results]):.3f}" for s in comparison.splits]
     body.append(["phase error, rms", *rmse])
-    return Table(title, ["", *(SPLIT_NAMES[s] for s in comparison.splits)], body)
+    return Table(title, ["", *(fill(SPLIT_NAMES[s], 18) for s in comparison.splits)], body)
 
 
 def _half(bounds: tuple[float, float]) -> float:
@@ -218,10 +215,10 @@ def _fluency(comparison: Comparison, title: str) -> Table:
         "H-IDLE\n[%]",
         "C-ACT\n[%]",
         "F-DEL\n[%]",
-        "task\ntime [s]",
-        "robot tasks\n[1/min]",
+        "task\ntime\n[s]",
+        "robot\ntasks\n[1/min]",
         "decisions",
-        "cut off\n[%]",
+        "cut\noff\n[%]",
     ]
     return Table(title, columns, body)
 
@@ -235,7 +232,7 @@ def _worlds(comparison: Comparison, title: str) -> Table:
         if name != EXPLICIT
     ]
     body.append(["phase error, rms", *(f"{r.phase_rmse[split]:.3f}" for r in comparison.results)])
-    return Table(title, ["", *(f"world {r.seed}" for r in comparison.results)], body)
+    return Table(title, ["", *(f"world\n{r.seed}" for r in comparison.results)], body)
 
 
 def _study(study: Study, comparison: Comparison) -> Table:
@@ -269,7 +266,12 @@ def to_json(comparison: Comparison, study: Study | None, powers: Sequence[Power]
         "phase_rmse": {s: float(np.mean([r.phase_rmse[s] for r in comparison.results])) for s in comparison.splits},
         "splits": {split: {row.policy: row.to_json() for row in comparison.rows(split)} for split in comparison.splits},
         "paper": {
-            name: {"robot_idle": list(robot), "human_idle": list(human), "cost": cost, "note": PAPER_NOTE}
+            name: {
+                "robot_idle": list(robot),
+                "human_idle": list(human),
+                "cost": cost,
+                "note": f"the paper, {PAPER_NOTE}",
+            }
             for name, (robot, human, cost) in PAPER_TABLE_I.items()
         },
         "study": None

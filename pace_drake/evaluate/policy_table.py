@@ -15,7 +15,7 @@ PAPER_TABLE_I = {
     "PACE without phase": ((1.56, 3.48, 11.64), (1.79, 1.02, 1.06), 28.29),
     "PACE": ((1.93, 2.65, 1.28), (1.20, 0.56, 2.56), 18.81),
 }
-PAPER_NOTE = "the paper, other people and other data"
+PAPER_NOTE = "other people and other data"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
 from pace_drake.people import NUM_UNSEEN, load_people
 from pace_drake.policies import Policy
 from pace_drake.policies.factory import make_policy
+from pace_drake.policies.learned import LearnedPolicy
 from pace_drake.processes import worker_processes
 from pace_drake.scenario import SYNTHETIC, Scenario
 
@@ -171,7 +172,15 @@ def evaluate_given(
         policies: by name.
         seed: of the episodes.
         episodes: per split and policy.
+
+    Raises:
+        InputError: a learned policy was trained with another phase estimate.
     """
+    for policy in policies.values():
+        if isinstance(policy, LearnedPolicy):
+            meant = replace(scenario, observation=policy.observation)
+            people = load_people(meant)
+            policy.check_estimates(meant, people, people.estimators(meant))
     synthetic = scenario.human.demonstrations == SYNTHETIC
     observation = "history" if any(p.observation in FUSED_SETS for p in policies.values()) else scenario.observation
     players: dict[str, Player] = {name: partial(play, policy=policy) for name, policy in policies.items()}

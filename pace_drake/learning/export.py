@@ -15,16 +15,19 @@ from pace_drake.envs.space import observation_space
 from pace_drake.errors import InputError
 from pace_drake.files import write_whole
 from pace_drake.learning.greedy import Scores
+from pace_drake.people import People
+from pace_drake.policies.estimates import Estimates
 from pace_drake.policies.learned import FORMAT, task_signature
 from pace_drake.scenario import Scenario, scenario_hash
 
 
-def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> None:
+def export_policy(model: PPO, scenario: Scenario, people: People, path: Path, card: dict) -> None:
     """Exports a policy trained in ``PaceAssemblyEnv``.
 
     Args:
         model: the trained agent.
         scenario: what it was trained in; its task is written into the file and checked when it is loaded.
+        people: of the scenario; what the estimators show of them is written and checked likewise.
         path: ends in .onnx; the card goes to the same name with .json.
         card: facts for people: seed, steps, score, versions.
 
@@ -53,7 +56,7 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
             dynamo=False,
         )
     proto = onnx.load_from_string(file.getvalue())
-    for key, value in _metadata(scenario).items():
+    for key, value in _metadata(scenario, people).items():
         entry = proto.metadata_props.add()
         entry.key, entry.value = key, value
     session = onnxruntime.InferenceSession(proto.SerializeToString(), providers=["CPUExecutionProvider"])
@@ -63,7 +66,7 @@ def export_policy(model: PPO, scenario: Scenario, path: Path, card: dict) -> Non
     if not np.allclose(exported, trained, atol=1e-4):
         raise RuntimeError(f"{path}: exported and trained policy differ by {np.abs(exported - trained).max()}")
     write_whole(path, lambda part: onnx.save(proto, str(part)))
-    write_card(path, scenario, card)
+    write_card(path, card)
 
 
 def read_agent(path: Path, scenario: Scenario) -> PPO:
@@ -97,17 +100,25 @@ def read_agent(path: Path, scenario: Scenario) -> PPO:
     return model
 
 
-def write_card(path: Path, scenario: Scenario, card: dict) -> None:
-    """Writes, or writes again, the card of the policy at ``path``: the same name, ending in .json."""
-    text = json.dumps({**card, **_metadata(scenario)}, indent=1) + "\n"
+def write_card(path: Path, card: dict) -> None:
+    """Writes, or writes again, the card of the policy at ``path``: the same name, ending in .json.
+
+    It also says what the policy says of itself: one of an older version is scored again, and stays what it is.
+    """
+    import onnx
+
+    metadata = {entry.key: entry.value for entry in onnx.load(str(path)).metadata_props}
+    text = json.dumps({**card, **metadata}, indent=1) + "\n"
     write_whole(path.with_suffix(".json"), lambda part: part.write_text(text, encoding="utf-8"))
 
 
-def _metadata(scenario: Scenario) -> dict[str, str]:
+def _metadata(scenario: Scenario, people: People) -> dict[str, str]:
+    estimates = Estimates.of(scenario, people, people.estimators(scenario), scenario.observation)
     return {
         "format": FORMAT,
         "task": task_signature(scenario.task),
         "scenario": scenario.name,
         "scenario_hash": scenario_hash(scenario),
         "observation": scenario.observation,
+        **({} if estimates is None else {"estimates": estimates.to_json()}),
     }

@@ -1,15 +1,23 @@
 """A learned policy in ONNX, run by onnxruntime. Nothing in such a file is executed as code; no pickle is read."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pace_drake.errors import InputError
-from pace_drake.observation import OBSERVATION_SETS
+from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
 from pace_drake.policies import Policy
+from pace_drake.policies.estimates import Estimates
 from pace_drake.policies.rules import joint_actions, person_waits
 from pace_drake.task import Task
+
+if TYPE_CHECKING:
+    from pace_drake.dtw.estimator import Estimator
+    from pace_drake.people import People
+    from pace_drake.scenario import Scenario
 
 #: Version of what the metadata of a policy file means.
 FORMAT = "pace_drake-policy-1"
@@ -34,19 +42,21 @@ class LearnedPolicy(Policy):
 
     Args:
         path: ONNX file: input ``observation`` (batch, D), output ``scores`` (batch, 2), normalisation inside, and
-            metadata ``format``, ``task`` (see ``task_signature``) and ``observation``, the set that it sees.
+            metadata ``format``, ``task`` (see ``task_signature``), ``observation``, the set that it sees, and
+            ``estimates``, what the estimators showed it (see ``Estimates``); only sets without the phase filter may
+            lack these.
         task: the task it is used in.
         observation: the set that it must see; None takes any.
 
     Raises:
-        InputError: the file cannot be read, is no policy of this format, or was trained for another task or another
-            observation set.
+        InputError: the file cannot be read, is no policy of this format, was trained for another task or another
+            observation set, or does not say what the phase filter showed it.
     """
 
     def __init__(self, path: str | Path, task: Task, observation: str | None = None) -> None:
         import onnxruntime  # 0.1 s and 30 MB, only for those who run a learned policy
 
-        path = Path(path)
+        self._path = path = Path(path)
         try:
             data = path.read_bytes()
         except OSError as error:
@@ -74,10 +84,37 @@ class LearnedPolicy(Policy):
                 f"{path}: sees the observation set {self.observation!r}, the scenario's is {observation!r}; set"
                 f" observation={self.observation}, or train one for this scenario"
             )
+        text = metadata.get("estimates")
+        if text is None and self.observation in FUSED_SETS:
+            raise InputError(
+                f"{path}: does not say what the phase filter showed it, as files of older versions do not; train it"
+                " anew: pace train"
+            )
+        try:
+            self._estimates = None if text is None else Estimates.from_json(text)
+        except ValueError as error:
+            raise InputError(f"{path}: what the estimators showed it cannot be read; train it anew") from error
         shape = self._session.get_inputs()[0].shape
         if len(shape) != 2 or shape[1] != OBSERVATION_SETS[self.observation]:
             raise InputError(f"{path}: its network does not take what {self.observation!r} gives; train it anew")
         self._joint = joint_actions(task)
+
+    def check_estimates(self, scenario: "Scenario", people: "People", estimators: "Sequence[Estimator | None]") -> None:
+        """Refuses estimators that show something else, of the same people and by the same settings, than in training.
+
+        Args:
+            scenario, people: that it is used in.
+            estimators: those that ``people.estimators`` returned for them.
+
+        Raises:
+            InputError: they do, as another version of this program may.
+        """
+        if self._estimates is None or (now := Estimates.of(scenario, people, estimators, self.observation)) is None:
+            return
+        if different := self._estimates.difference(now):
+            raise InputError(
+                f"{self._path}: trained with another phase estimate {different}; train it anew: pace train"
+            )
 
     def decide_all(self, observations: np.ndarray) -> np.ndarray:
         """See Policy."""

@@ -1,6 +1,7 @@
 """HandReceiver: where a real person's hand is, from a tracker, over LCM."""
 
 from math import dist, isfinite
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,10 @@ def wrong_with(sample: lcmt_pace_hand) -> str:
     if dist(sample.p_WH, (0.0, 0.0, 0.0)) > FARTHEST:
         return f"p_WH {sample.p_WH} [m] is farther than {FARTHEST:g} m from the origin; are these other units?"
     return ""
+
+
+#: How samples are judged, for ``Sieve``.
+HAND: dict[str, Any] = {"stamp": lambda sample: sample.sequence, "restart": REORDERED, "check": wrong_with}
 
 
 class HandReceiver(InboxReceiver):
@@ -57,14 +62,7 @@ class HandReceiver(InboxReceiver):
     """
 
     def __init__(self, lcm: Lcm, channel: str = "PACE_HAND") -> None:
-        inbox = Inbox(
-            lcm,
-            channel,
-            lcmt_pace_hand,
-            stamp=lambda sample: sample.sequence,
-            restart=REORDERED,
-            check=wrong_with,
-        )
+        inbox = Inbox(lcm, channel, lcmt_pace_hand, **HAND)
         super().__init__(inbox, np.full(3, np.nan), "hand_age")
         self.set_name("hand_receiver")
         self._declare("p_WH", _POSITION)

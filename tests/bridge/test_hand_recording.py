@@ -51,7 +51,7 @@ def test_what_the_network_does_to_samples_does_not_matter():
             [hand(k, (np.nan, 0.0, 0.0), k) for k in range(9)],
             "9 that cannot be used, the last: p_WH (nan, 0.0",
         ),
-        ([b"time,x,y,z"] * 3, "the last: bytes that are no lcmt_pace_hand"),
+        ([b"time,x,y,z"] * 3, "the last: cannot be decoded as lcmt_pace_hand (ValueError)"),
         (samples(3.0, skip=lambda t: 1.0 < t < 1.3), "no usable sample for 0.30 s, from 1.00 s on, 0.2 at most; look"),
         ([hand(k, place(k)) for k in range(9)], "the tracker's clock (utime) goes from 0.000000 to 0.000000 s"),
         (samples(3.0, stamp=lambda t: t if t < 1.0 else t - 0.5), "goes from 0.983333 to 0.500000 s"),

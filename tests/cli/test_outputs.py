@@ -55,6 +55,11 @@ def no_work(monkeypatch):
         "evaluate.tuning.load_signals",
         "statechart.check.check",
         "demos.generate_demonstrations",
+        "diagram.Assembly",
+        "statechart.load_chart",
+        "evaluate.separation.SeparationBench",
+        "evaluate.sensitivity.evaluate_cases",
+        "evaluate.perception.evaluate",
     ):
         monkeypatch.setattr(f"pace_drake.{name}", fail)
 

@@ -14,7 +14,9 @@ from pace_drake.people import load_people
 from pace_drake.scenario import load_scenario
 from tests.cli.test_run import pace, refused
 from tests.lcm.senders import hand, press
+from tests.network import own_url
 
+URL = own_url()
 SHOWN = ("--action", "place_rails", "--subject", "P1")
 
 
@@ -58,7 +60,7 @@ def test_bad_input_leaves_the_file_as_it_is(tmp_path, capsys):
         ((*with_log, "--from", 5, "--to", 4), "0 <= from < to must hold, are 5 and 4 [s]"),
         ((*with_log, "--from", 50, "--to", 60), "no PACE_HAND from 50 to 60 s; its messages lie from 0.00 to 9.98 s"),
         ((*with_log, "--channel", "HAND"), "no HAND in it, but PACE_HAND; name the tracker's with --channel"),
-        ((*with_log, "--lcm-url", "memq://"), "give either --lcm-url"),
+        ((*with_log, "--lcm-url", URL), "give either --lcm-url"),
         (("record", file, *SHOWN), "give either --lcm-url"),
         (("record", file, "--log", tmp_path / "none", *SHOWN), "none: cannot read the log: No such file"),
         (("record", file, "--log", file, *SHOWN), "is no LCM log"),
@@ -91,10 +93,15 @@ class Tracked:
         return self.lcm.HandleSubscriptions(0)
 
 
-def record(monkeypatch, file, tracked, typed=""):
+def record(monkeypatch, file, tracked, typed="", url=URL):
     monkeypatch.setattr("pace_drake.lcm.url.open_lcm", lambda config: tracked)
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
-    return pace("record", file, "--lcm-url", "memq://", *SHOWN)
+    return pace("record", file, "--lcm-url", url, *SHOWN)
+
+
+def test_a_url_that_no_tracker_reaches(tmp_path, monkeypatch, capsys):
+    assert record(monkeypatch, tmp_path / "people.csv", Tracked(), url="memq://") == 2
+    assert "memq:// reaches nobody outside this process" in capsys.readouterr().err
 
 
 def test_the_button_begins_and_ends_trials(tmp_path, monkeypatch, capsys):

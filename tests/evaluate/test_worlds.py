@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pace_drake.cli.main import main
+from pace_drake.cli.tables import rich_table, wide_console
 from pace_drake.envs.pool import make_pool
 from pace_drake.errors import InputError
 from pace_drake.evaluate import worlds
@@ -119,7 +120,7 @@ def test_report(comparison, tmp_path):
     page = (tmp_path / "index.html").read_text()
     for text in (
         "SYNTHETIC",
-        "PACE without phase (the paper",
+        "PACE without phase (paper)",
         "28.29",
         "pace evaluate policy &lt;chair&gt;",
         "Wilcoxon",
@@ -144,14 +145,31 @@ def test_json_has_every_policy_in_every_split(comparison):
     assert data["splits"]["unseen"][CLAIRVOYANT]["robot_idle_total"] is None
     assert data["study"]["participants"] == 12
     assert [power["sizes"] for power in data["power"]] == [[12, 24, 36]] * 2
-    assert data["paper"]["PACE"]["cost"] == 18.81
+    assert data["paper"]["PACE"] == {
+        "robot_idle": [1.93, 2.65, 1.28],
+        "human_idle": [1.20, 0.56, 2.56],
+        "cost": 18.81,
+        "note": "the paper, other people and other data",
+    }
 
 
 def test_tables_say_synthetic_and_whose_the_paper_s_rows_are(comparison):
     found = tables(comparison, *studies(comparison))
     assert all("SYNTHETIC" in table.title for table in found)
-    assert [row[0] for row in found[0].rows][-1] == "PACE (the paper, other people and other data)"
+    assert [row[0] for row in found[0].rows][-1] == "PACE (paper)"
+    assert found[0].title.endswith("; (paper): other people and other data")
     assert all(len(row) == len(table.columns) for table in found for row in table.rows)
+
+
+def test_tables_are_no_wider_than_a_terminal(comparison, capsys):
+    """Piped, where rich takes any width; the widest name of ours is in them."""
+    console = wide_console()
+    for table in tables(comparison, *studies(comparison)):
+        console.print(rich_table(table))
+    printed = capsys.readouterr().out
+    assert max(len(line.rstrip()) for line in printed.splitlines()) < 100
+    assert "remaining time threshold" in printed
+    assert "…" not in printed
 
 
 def test_recordings_cannot_be_redrawn(plain, tmp_path):

@@ -48,7 +48,7 @@ def test_the_score_is_that_of_the_exported_file(chair, chair_people, tmp_path):
     assert [decisions for decisions, _ in seen] == [3_200, 6_400]
     assert judge.best == min(seen, key=lambda one: one[1])
     path = tmp_path / "policy.onnx"
-    export_policy(model, chair, path, {})
+    export_policy(model, chair, chair_people, path, {})
     pool = cached_pool(chair, chair_people, 40, EVALUATION_SEED)
     parts = pool.sample(60, np.random.default_rng(EVALUATION_SEED))
     played = play(AssemblyTwin(chair, pool, 60), parts, LearnedPolicy(path, chair.task))

@@ -15,6 +15,7 @@ from pace_drake.envs.space import observation_space
 from pace_drake.learning.export import export_policy
 from pace_drake.learning.greedy import GreedyPolicy
 from pace_drake.learning.ppo import TWIN_SETTINGS, train_ppo
+from pace_drake.people import load_people
 from pace_drake.policies.factory import make_policy
 from pace_drake.policies.learned import LearnedPolicy
 
@@ -32,7 +33,7 @@ def test_train_export_load_and_refuse(chair, tmp_path, name):
     scenario = scenario_of(chair, name)
     model = train_ppo(scenario, replace(TWIN_SETTINGS, steps=4096), backend="twin")
     path = tmp_path / "policy.onnx"
-    export_policy(model, scenario, path, {})
+    export_policy(model, scenario, load_people(scenario), path, {})
     policy = make_policy(str(path), scenario)
     assert policy.observation == name
     space = observation_space(scenario)

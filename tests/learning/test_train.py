@@ -32,9 +32,9 @@ def observations(chair, count=200):
     ).astype(np.float32)
 
 
-def test_the_exported_policy_decides_as_the_trained_one(model, chair, tmp_path):
+def test_the_exported_policy_decides_as_the_trained_one(model, chair, chair_people, tmp_path):
     path = tmp_path / "policy.onnx"
-    export_policy(model, chair, path, {"decisions": 64})
+    export_policy(model, chair, chair_people, path, {"decisions": 64})
     policy = LearnedPolicy(path, chair.task)
     for observation in observations(chair):
         expected, _ = model.predict(observation, deterministic=True)
