@@ -27,6 +27,7 @@ OUTPUTS = {
     "panda.velocity_estimated": 7,
     "panda.torque_external": 7,
     "gripper.state_measured": 2,
+    "gripper.status_age": 1,
     "robot_mode": 1,
     "status_age": 1,
     "num_status": 1,
