@@ -177,7 +177,10 @@ def test_a_fault_from_outside_passes_through(bench):
     ("override", "line"),
     [
         ("grasp_tolerance=0", r"safety\.grasp_tolerance: must be > 0 \[m\], is 0"),
-        ("grasp_tolerance=0.016", r"safety\.grasp_tolerance: must be less than workcell\.gripper_squeeze, 0\.016 \[m\]"),
+        (
+            "grasp_tolerance=0.016",
+            r"safety\.grasp_tolerance: must be less than workcell\.gripper_squeeze, 0\.016 \[m\]",
+        ),
         ("grasp_settle_time=-1", r"safety\.grasp_settle_time: must be > 0 \[s\], is -1"),
     ],
 )
