@@ -11,21 +11,23 @@ from pace_drake.stations.workcell import Workcell
 from pace_drake.task import ActionKind
 
 #: Places in the state.
-_LATCHED, _ACK, _SINCE, _REPORTED, _NUM_LOST, _COMPONENT, _WIDTH, _ANEW = range(8)
+_LATCHED, _ACK, _SINCE, _DOUBT, _REPORTED, _NUM_LOST, _COMPONENT, _WIDTH, _ANEW = range(9)
 
 _FETCHING = (ActionKind.ROBOT_TASK, ActionKind.PREPARE)
 #: In these the gripper holds what the preparation has fetched, until it opens.
 _OF_PREPARED = (ActionKind.PREPARE, ActionKind.JOINT, ActionKind.HOME_ABORTED)
 _ROUNDING = 1e-9  # [m]
+#: [s] for which a width must be wrong: longer than between two statuses of a hand, of which one may lie.
+CONFIRMATION = 0.15
 
 
 class GraspMonitor(LeafSystem):
     """Compares the width between the fingers with that of what they are meant to hold, and raises ``fault``.
 
     A thing is meant to be held while the commanded width is that of the gripper closed on it. Fingers that come nearer
-    than its width less the tolerance have nothing, or something else, in between: that is known at once, for on their
-    way from open they are wider. Fingers that stay wider than its width and the tolerance have not closed: that is
-    known after the settle time. Each grasp is reported once, until the gripper is told to open.
+    than its width less the tolerance have nothing, or something else, in between: on their way from open they are
+    wider. Fingers that, after the settle time, are wider than its width and the tolerance have not closed. Both must
+    last for ``CONFIRMATION``. Each grasp is reported once, until the gripper is told to open.
 
     Inputs:
         motion_progress (3), gripper_position (1) [m]: of RobotAction; the commanded width.
@@ -39,9 +41,9 @@ class GraspMonitor(LeafSystem):
         num_lost (1): how often something was.
 
     State:
-        [fault latched, ack at the last look, time since which something is meant to be held [s] (inf: nothing is),
-        whether this grasp was reported, num_lost; of the last one reported: index of the component, width between the
-        fingers [m], whether the motion was still fetching it].
+        [fault latched, ack at the last look, time since which something is meant to be held [s] (inf: nothing is), and
+        since which the width is wrong [s] (inf: it is not), whether this grasp was reported, num_lost; of the last one
+        reported: index of the component, width between the fingers [m], whether the motion was still fetching it].
 
     Events:
         update: every ``config.period``.
@@ -57,7 +59,7 @@ class GraspMonitor(LeafSystem):
         self.set_name("grasp_monitor")
         self._config, self._workcell, self._max_age = config, workcell, max_age
         self._components = components(workcell)
-        self.DeclareDiscreteState([0.0, 0.0, inf, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self.DeclareDiscreteState([0.0, 0.0, inf, inf, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._progress = declare_input(self, "motion_progress", 3)
         self._commanded = declare_input(self, "gripper_position")
         self._measured = declare_input(self, "gripper_state", 2)
@@ -127,15 +129,18 @@ class GraspMonitor(LeafSystem):
         x[_ACK] = ack
         number = self._meant(context)
         if number is None:
-            x[_SINCE], x[_REPORTED] = inf, 0.0
+            x[_SINCE], x[_DOUBT], x[_REPORTED] = inf, inf, 0.0
             return
-        x[_SINCE] = min(x[_SINCE], context.get_time())
+        time = context.get_time()
+        x[_SINCE] = min(x[_SINCE], time)
         if x[_REPORTED] or self._optional(self._age, context) > self._max_age:
             return
         config, width = self._config, self._measured.Eval(context)[0]
         excess = width - self._components[number].grasp.width
-        settled = context.get_time() >= x[_SINCE] + config.grasp_settle_time
-        if excess < -config.grasp_tolerance or (settled and not excess <= config.grasp_tolerance):
+        settled = time >= x[_SINCE] + config.grasp_settle_time
+        wrong = excess < -config.grasp_tolerance or (settled and not excess <= config.grasp_tolerance)
+        x[_DOUBT] = min(x[_DOUBT], time) if wrong else inf
+        if time >= x[_DOUBT] + CONFIRMATION:
             kind, _, fraction = self._progress.Eval(context)
             x[_LATCHED], x[_REPORTED], x[_COMPONENT], x[_WIDTH] = 1.0, 1.0, number, width
             x[_NUM_LOST] += 1
