@@ -676,8 +676,10 @@ def test_a_stop_without_a_loss_goes_on_and_so_does_one_after_it_was_fetched_anew
 def test_a_hold_on_the_way_back_freezes_and_it_goes_on_back(losing, episode):
     losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
     losing.lose(3.0)
+    before = losing.out("motion_progress", 5.0)[2]
     losing.update(5.0, ActionKind.HOLD, 0, 2)
     held = losing.out("motion_progress", 6.0)[2]
+    assert held == pytest.approx(before - 0.2 / episode.robot[0, 0])  # on the way on which it slows down
     assert losing.out("motion_progress", 9.0)[2] == held
     assert losing.out("robot_busy") == 0
     losing.update(9.0, ActionKind.ROBOT_TASK, 1, 3)
