@@ -169,7 +169,9 @@ class Assembly(Diagram):
         if operator is not None:
             add(operator)
         estimators = self.people.estimators(scenario)
-        self.phase_estimator: PhaseEstimator = add(PhaseEstimator(estimators, period))
+        self.phase_estimator: PhaseEstimator = add(
+            PhaseEstimator(estimators, period, periodic=reaction_period is not None)
+        )
         seen = scenario.observation if policy is None else policy.observation
         self.observation: Observation = add(Observation(seen))
         self.pace_monitor: PaceMonitor | None = None

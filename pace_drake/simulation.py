@@ -5,7 +5,7 @@ from enum import Enum
 from math import ceil, floor, inf
 
 import numpy as np
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, EventStatus
 
 from pace_drake.diagram import Assembly
@@ -36,8 +36,9 @@ class Simulation:
 
     The human, the robot action and the chart say when something changes next (``next_event_time``); the Simulator
     advances to the earliest of these and the reactive systems update there, in order. Between events only periodic
-    systems step (hand tracker, plant, safety monitor). This costs one ``AdvanceTo`` per event, where a periodic tick
-    fine enough for the same exactness would cost thousands.
+    systems step (plant, safety monitor), and the phase estimator takes one sample of the hand per period of the
+    tracker, as long as there is a phase to estimate. This costs one ``AdvanceTo`` per event and sample, where a
+    periodic tick fine enough for the same exactness would cost thousands.
 
     At an event the inputs of the chart are evaluated before anything updates. ``advance`` stops there if a decision is
     asked for and the assembly has no policy, so an adapter sees exactly what a policy inside the diagram sees.
@@ -79,6 +80,8 @@ class Simulation:
             for system in assembly.reactive
             if system.HasOutputPort("next_event_time")
         ]
+        self._estimator = assembly.phase_estimator
+        self._estimator_context = self._estimator.GetMyMutableContextFromRoot(self.context)
         chart = assembly.task_statechart
         self._chart_context = chart.GetMyContextFromRoot(self.context)
         self._pending_port = chart.GetOutputPort("decision_pending")
@@ -177,7 +180,7 @@ class Simulation:
                 if target == inf:
                     raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
                 self._foretold = self._led()
-                self.simulator.AdvanceTo(target)
+                self._advance_to(target)
                 if self.time < target:  # a monitor intervened
                     self._at_event = self._latched() != self._seen_latch
                     if not self._at_event:
@@ -203,22 +206,40 @@ class Simulation:
         if self._at_event:
             self._react()
         while (tick := (floor(self.time / self.period + _ROUNDING) + 1) * self.period) <= time:
-            self.simulator.AdvanceTo(tick)
+            self._advance_to(tick)
             begin()
             self._react()
+        self._advance_to(time)
+
+    def _advance_to(self, time: float) -> None:
+        """Advances to ``time`` [s]; the phase estimator takes the samples on the way, those of this instant among them.
+
+        As with Drake's periodic events, a sample at ``time`` itself is the next call's. A monitor may end it early.
+        """
+        estimator, context = self._estimator, self._estimator_context
+        period = estimator.sample_period
+        number = _first_multiple(self.time, period)
+        idle = number * period < time and estimator.idle(context)
+        while (due := number * period) < time:
+            if idle:
+                # Until something happens.
+                number = max(number + 1, _first_multiple(min(time, self.next_event_time()), period))
+                idle = False
+                continue
+            if self.time < due:
+                status = self.simulator.AdvanceTo(due)
+                if status.reason() != SimulatorStatus.ReturnReason.kReachedBoundaryTime:
+                    return
+            idle = not estimator.take_sample(context)
+            number += 1
         self.simulator.AdvanceTo(time)
 
     def _seen_at(self, time: float) -> float:
         """[s] at which an event of ``time`` [s] is seen."""
         if self.period is None or time == inf:
             return time
-        tick = ceil(time / self.period)
-        # The division rounds; an event a hair behind a multiple is seen at the next one, as by who keeps up.
-        while tick * self.period < time:
-            tick += 1
-        while (tick - 1) * self.period >= time:
-            tick -= 1
-        return tick * self.period
+        # An event a hair behind a multiple is seen at the next one, as by who keeps up.
+        return _first_multiple(time, self.period) * self.period
 
     def run(
         self,
@@ -296,3 +317,13 @@ class Simulation:
         self._at_event = self._asked = False
         for listener in self.listeners:
             listener(self, False)
+
+
+def _first_multiple(time: float, period: float) -> int:
+    """The least k with k * period >= time, as products round."""
+    k = ceil(time / period)
+    while k * period < time:
+        k += 1
+    while (k - 1) * period >= time:
+        k -= 1
+    return k

@@ -14,6 +14,7 @@ from pace_drake.policies.factory import make_policy
 from pace_drake.policies.rules import AlwaysAssist
 from pace_drake.scenario import Scenario
 from pace_drake.simulation import Simulation, Stop
+from pace_drake.systems.phase_estimator import PhaseEstimator
 from pace_drake.task import Assistance, Duration, HumanAction, RobotTask, Task
 from tests.naive import naive_episode
 
@@ -217,18 +218,80 @@ def test_the_context_holds_everything(chair_simulation):
     rest = list(decisions)
 
     def finish():
-        times = []
+        times, phases = [], []
         for decision in rest:
             if simulation.advance() == Stop.FINISHED:
                 break
             times.append(simulation.time)
+            phases.append(simulation.output("phase")[0])
             simulation.decide(decision)
-        return times, *simulation.output("robot_idle"), *simulation.output("human_idle")
+        return times, phases, *simulation.output("robot_idle"), *simulation.output("human_idle")
 
     first = finish()
+    assert any(0.0 < phase < 1.0 for phase in first[1])
     simulation.context.SetTimeStateAndParametersFrom(saved)
     simulation.simulator.Initialize()
     assert finish() == first
+
+
+def sample_times(simulation, drive, episode, time=0.0):
+    """Times at which the phase estimator took a sample in an action with an estimator, and the phases after each."""
+    estimator = simulation.assembly.phase_estimator
+    seen = []
+
+    def take_sample(context):
+        at_work = PhaseEstimator.take_sample(estimator, context)
+        if at_work:
+            seen.append((context.get_time(), estimator.GetOutputPort("phase").Eval(context)[0]))
+        return at_work
+
+    estimator.take_sample = take_sample
+    try:
+        simulation.reset(episode, time=time)
+        drive(simulation)
+    finally:
+        del estimator.take_sample
+    return seen
+
+
+@pytest.mark.parametrize("begin", [0.0, 4.7, 4.75])
+def test_a_sample_is_taken_at_each_period_of_the_tracker_while_there_is_a_phase_to_estimate(chair, chair_people, begin):
+    simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people))
+    episode = simulation.sample_episode(np.random.default_rng(3))
+    spans = []
+
+    def look(simulation, before):
+        if not before:
+            spans.append((simulation.time, chair.task.human_actions[int(simulation.output("human_action")[0]) - 1]))
+
+    simulation.listeners = (look,)
+    seen = sample_times(simulation, lambda simulation: simulation.run(), episode, begin)
+    end = simulation.time
+    expected = []
+    for (start, action), (stop, _) in zip(spans, [*spans[1:], (end, None)], strict=True):
+        ticks = 0.1 * np.arange(int(start / 0.1) - 1, int(stop / 0.1) + 2)
+        expected += [] if action.joint else list(ticks[(ticks >= start) & (ticks < stop)])
+    assert len(expected) > 300
+    assert [time for time, _ in seen] == sorted(set(expected))
+
+
+def test_where_an_advance_ends_changes_no_sample(chair, chair_people):
+    simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people))
+    episode = simulation.sample_episode(np.random.default_rng(3))
+
+    def by_steps(steps):
+        def drive(simulation):
+            while simulation.advance(simulation.time + next(steps)) != Stop.FINISHED:
+                pass
+
+        return sample_times(simulation, drive, episode)
+
+    whole = by_steps(iter(lambda: np.inf, 0))
+    rng = np.random.default_rng(0)
+    assert len(whole) > 300
+    assert by_steps(iter(lambda: rng.uniform(0.01, 0.3), 0)) == whole
+    assert by_steps(iter(lambda: 0.1, 0)) == whole  # up to rounding, each ends at a sample
+    assert by_steps(iter(lambda: 0.05, 0)) == whole
 
 
 def test_explicit_query_has_no_robot_idle_and_costs_about_what_the_paper_measured(chair, chair_people):
@@ -345,6 +408,22 @@ def test_what_keeps_up_with_a_clock_reacts_when_what_foretells_does(chair, chair
     reactions = np.array([time for time, kind, _ in foretold if kind == "reaction"])
     np.testing.assert_allclose(reactions, np.round(reactions, 2), atol=1e-9)
     assert reactions[0] == pytest.approx(4.7)
+
+
+def test_samples_do_not_wait_for_an_event_to_be_seen(chair, chair_people):
+    """The person is at work before that shows in a reaction, and who looks more often takes no other samples."""
+    simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people), period=0.25)
+    episode = simulation.sample_episode(np.random.default_rng(3))
+
+    def follow_the_clock(simulation):
+        rng = np.random.default_rng(0)
+        while not simulation.finished:
+            simulation.keep_up(simulation.time + rng.uniform(0.001, 0.3))
+
+    foretold = sample_times(simulation, lambda simulation: simulation.run(), episode)
+    followed = sample_times(simulation, follow_the_clock, episode)
+    assert len(foretold) > 300
+    assert foretold == followed[: len(foretold)]
 
 
 def test_an_event_is_seen_at_the_next_multiple_and_not_before(chair, chair_people):

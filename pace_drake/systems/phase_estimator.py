@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, EventStatus, LeafSystem
 
 from pace_drake.dtw.estimator import Estimate, Estimator
-from pace_drake.ports import declare_input, declare_output
+from pace_drake.ports import declare_input, declare_output, declare_update
 
 #: In actions without an estimator, that is joint actions and waiting for them: nothing is left of the person's own.
 _DONE = Estimate(1.0, phase_std=0.0, remaining_time=0.0, remaining_time_std=0.0)
@@ -31,15 +31,20 @@ class PhaseEstimator(LeafSystem):
         [action of the estimator's state, that state]; cleared when the action changes.
 
     Events:
-        Periodic update at ``sample_period``, the tracker's rate.
+        update: takes a sample: forced, as ``pace_drake.simulation.Simulation`` does at the tracker's rate, or periodic
+            at that rate.
 
     Args:
         estimators: for each human action its own, None for joint actions.
-        sample_period: [s].
+        sample_period: [s] of the tracker.
+        periodic: False: only when forced.
     """
 
-    def __init__(self, estimators: Sequence[Estimator | None], sample_period: float = 0.1) -> None:
+    def __init__(
+        self, estimators: Sequence[Estimator | None], sample_period: float = 0.1, periodic: bool = True
+    ) -> None:
         super().__init__()
+        self.sample_period = sample_period
         self.set_name("phase_estimator")
         self._estimators = list(estimators)
         # Ends of the estimators' vectors in the state, which begins with the action.
@@ -52,16 +57,16 @@ class PhaseEstimator(LeafSystem):
         declare_output(self, "phase_std", lambda context: self._estimate(context).phase_std, depends_on)
         declare_output(self, "phase_rate", lambda context: self._estimate(context).rate, depends_on)
         declare_output(self, "remaining_time", self._remaining_time, depends_on, size=2)
-        self.DeclarePeriodicDiscreteUpdateEvent(sample_period, 0.0, self._update)
+        declare_update(self, self._update, sample_period if periodic else None)
 
     def _at(self, context: Context) -> tuple[Estimator | None, np.ndarray]:
         """The current action's estimator and its state; a new state before the action's first sample."""
         action = int(self._human_action.Eval(context)[0])
         estimator = self._estimators[action - 1]
-        state = context.get_discrete_state_vector().value()
+        state = self._state(context)
         if estimator is None:
             return None, state[:0]
-        if int(state[0]) != action:
+        if state[0] != action:
             return estimator, estimator.initial_state()
         return estimator, state[1 : self._ends[action - 1]]
 
@@ -77,18 +82,39 @@ class PhaseEstimator(LeafSystem):
         estimate = self._estimate(context)
         return float(estimate.remaining_time), float(estimate.remaining_time_std)
 
-    def _update(self, context: Context, values: DiscreteValues) -> EventStatus:
+    def idle(self, context: Context) -> bool:
+        """Whether updates do nothing as long as the action is the present one, which has no estimator."""
         action = int(self._human_action.Eval(context)[0])
-        state: np.ndarray = values.get_mutable_value(0)
-        estimator = self._estimators[action - 1]
-        if estimator is None and int(state[0]) == action:
+        return self._estimators[action - 1] is None and self._state(context)[0] == action
+
+    def take_sample(self, context: Context) -> bool:
+        """Updates in place, without the copies of an update by events; returns whether an estimator is at work."""
+        action, p_WH = self._sample(context)
+        state = context.get_mutable_discrete_state_vector().get_mutable_value()
+        self._take(state, action, p_WH)
+        return p_WH is not None
+
+    def _update(self, context: Context, values: DiscreteValues) -> EventStatus:
+        if self.idle(context):
             return EventStatus.DidNothing()  # so that Drake does not copy the state
-        if estimator is not None:
+        self._take(values.get_mutable_value(0), *self._sample(context))
+        return EventStatus.Succeeded()
+
+    def _sample(self, context: Context) -> tuple[int, np.ndarray | None]:
+        """The action and where the hand is; None in an action without an estimator."""
+        action = int(self._human_action.Eval(context)[0])
+        return action, None if self._estimators[action - 1] is None else self._p_WH.Eval(context)
+
+    def _take(self, state: np.ndarray, action: int, p_WH: np.ndarray | None) -> None:
+        estimator = self._estimators[action - 1]
+        if estimator is not None and p_WH is not None:
             of_action = state[1 : self._ends[action - 1]]
-            if int(state[0]) != action:
+            if state[0] != action:
                 of_action[:] = estimator.initial_state()
-            p_WH = self._p_WH.Eval(context)
             if isfinite(sum(p_WH.tolist())):
                 estimator.step(of_action, p_WH)
         state[0] = action
-        return EventStatus.Succeeded()
+
+    @staticmethod
+    def _state(context: Context) -> np.ndarray:
+        return context.get_discrete_state_vector().value()
