@@ -97,7 +97,7 @@ def main() -> None:
     from pace_drake.lcm.types import lcmt_pace_operator
     from pace_drake.policies.factory import make_policy
 
-    scenario = load_scenario("ikea_chair", (f"lcm.url='{URL}'",))
+    scenario = load_scenario("ikea_chair", (f"lcm.url='{URL}'", "safety.grasp_check=false"))  # the peer holds nothing
     session = Session(scenario, make_policy("learned", scenario), open_lcm(scenario.lcm))
     home = np.array(
         session.simulation.assembly.robot_action.GetOutputPort("position").Eval(

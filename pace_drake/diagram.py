@@ -26,7 +26,7 @@ from pace_drake.systems.observation import Observation
 from pace_drake.systems.observed_person import ObservedPerson
 from pace_drake.systems.pace_monitor import PaceMonitor
 from pace_drake.systems.phase_estimator import PhaseEstimator
-from pace_drake.systems.robot_action import Motions, RobotAction
+from pace_drake.systems.robot_action import LetGo, Motions, RobotAction
 from pace_drake.systems.state_publisher import StatePublisher
 from pace_drake.systems.task_statechart import TaskStatechart
 from pace_drake.task import ActionKind, Episode
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
     from pace_drake.stations.plant import PlantStation
     from pace_drake.systems.component_locator import ComponentLocator
+    from pace_drake.systems.grasp_monitor import GraspMonitor
     from pace_drake.systems.safety_monitor import SafetyMonitor
 
 #: Operator inputs of the chart that the diagram exports; unconnected they have the chart's defaults.
@@ -77,6 +78,8 @@ class Assembly(Diagram):
         action_monitor: what the robot knows of the person by observation; None where it is told.
         locator: finds the components with cameras; None where ``scenario.perception`` is not ``cameras``.
         safety_monitor: keeps the arm away from the hand; None without a station, or where the scenario switches it off.
+        grasp_monitor: notices what the gripper has lost; None without a station that measures the gripper, or where
+            the scenario switches it off.
         decision: the policy's system; None if the decision is an exported input.
         decision_publisher, state_publisher: publish the decisions and the state; None without ``lcm``.
         station: the plant or the hardware; None at the task level.
@@ -187,9 +190,18 @@ class Assembly(Diagram):
 
             self.safety_monitor = add(safety_monitor.SafetyMonitor(scenario.safety, load_arm_capsules()))
             led = safety_monitor.pacing(scenario.safety)
+        self.grasp_monitor: GraspMonitor | None = None
+        let_go = None
+        measured = station is not None and station.HasOutputPort("gripper.state_measured")
+        if measured and scenario.safety.grasp_check:
+            from pace_drake.systems import grasp_monitor
+
+            workcell, max_age = scenario.workcell, scenario.lcm.hand_status_timeout
+            self.grasp_monitor = add(grasp_monitor.GraspMonitor(scenario.safety, workcell, max_age))
+            let_go = LetGo(speed=workcell.gripper_speed, width=workcell.gripper_release)
         num_components = len(components(scenario.workcell))
         self.robot_action: RobotAction = add(
-            RobotAction(task, motions, num_components, pacing=led, reaction_period=reaction_period)
+            RobotAction(task, motions, num_components, pacing=led, let_go=let_go, reaction_period=reaction_period)
         )
         self.idle_meter: IdleMeter = add(IdleMeter(task.num_joint_actions, task.human_idle_weight, reaction_period))
         self.action_monitor: ActionMonitor | None = None
@@ -301,6 +313,13 @@ class Assembly(Diagram):
             connect(hand, "p_WH", self.safety_monitor, "p_WH")
             self._add_safety(builder, self.safety_monitor, connect, enter)
         self._add_operator(builder, enter)
+        if self.grasp_monitor is not None and station is not None:
+            connect(self.robot_action, "motion_progress", self.grasp_monitor, "motion_progress")
+            connect(self.robot_action, "gripper_position", self.grasp_monitor, "gripper_position")
+            connect(station, "gripper.state_measured", self.grasp_monitor, "gripper_state")
+            if station.HasOutputPort("gripper.status_age"):
+                connect(station, "gripper.status_age", self.grasp_monitor, "gripper_age")
+            connect(self.grasp_monitor, "num_lost", self.robot_action, "num_lost")
         if station is not None:
             connect(self.robot_action, "position", station, "panda.position")
             connect(self.robot_action, "gripper_position", station, "gripper.position")
@@ -343,9 +362,12 @@ class Assembly(Diagram):
         """Where the components are: as the cameras see them, or true where the station knows, or nominal."""
         inputs = [self.robot_action.GetInputPort(name) for name in ("component_poses", "component_ages")]
         if self.locator is not None:
-            builder.Connect(
-                self.task_statechart.GetOutputPort("robot_action"), self.locator.GetInputPort("robot_action")
+            commanded = (
+                self.task_statechart.GetOutputPort("robot_action")
+                if self.grasp_monitor is None
+                else self.robot_action.GetOutputPort("to_locate")
             )
+            builder.Connect(commanded, self.locator.GetInputPort("robot_action"))
             for k in range(self.locator.num_input_ports()):
                 port = self.locator.get_input_port(k)
                 if port.get_name() == "robot_action":
@@ -396,7 +418,7 @@ class Assembly(Diagram):
 
     def _add_operator(self, builder: DiagramBuilder, enter: Callable[[str, InputPort], None]) -> None:
         """Lets the operator's signals in: stop and fault pass through whatever adds its own, the others go to all."""
-        systems = (self.station, self.safety_monitor, self.task_statechart)
+        systems = (self.station, self.safety_monitor, self.grasp_monitor, self.task_statechart)
         for name in OPERATOR_INPUTS:
             first, *others = [system for system in systems if system is not None and system.HasInputPort(name)] or [
                 None
@@ -435,7 +457,13 @@ class Assembly(Diagram):
 
     def begin_episode(self, context: Context, episode: Episode) -> None:
         """Starts an episode at the context's time, where the robot and those who watch it have long been at work."""
-        for system in (self.phase_estimator, self.pace_monitor, self.action_monitor, self.idle_meter):
+        for system in (
+            self.phase_estimator,
+            self.pace_monitor,
+            self.action_monitor,
+            self.idle_meter,
+            self.grasp_monitor,
+        ):
             if system is not None:
                 system.SetDefaultContext(system.GetMyMutableContextFromRoot(context))
         if self.action_monitor is not None:

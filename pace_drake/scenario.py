@@ -119,6 +119,13 @@ class Scenario:
         self.task.validate()
         self.safety.validate()
         self.lcm.validate()
+        # An empty gripper closes this much further than one that holds something: more could not be told apart.
+        squeeze = self.workcell.gripper_squeeze
+        require(
+            not self.safety.grasp_check or self.safety.grasp_tolerance < squeeze,
+            "safety.grasp_tolerance",
+            f"must be less than workcell.gripper_squeeze, {squeeze} [m], is {self.safety.grasp_tolerance}",
+        )
         names = [action.name for action in self.task.human_actions if not action.joint]
         for group in ("estimator", "elapsed_threshold", "phase_threshold", "remaining_time_threshold"):
             for name in getattr(self, group):

@@ -91,10 +91,14 @@ class Simulation:
         self._at_event = True
         self._asked = False
         self._robot_context = assembly.robot_action.GetMyContextFromRoot(self.context)
-        self._seen_latch = False
+        self._seen_latch: list[bool] = []
         self._foretold = 0.0
-        if assembly.safety_monitor is not None:
-            self._monitor_context = assembly.safety_monitor.GetMyContextFromRoot(self.context)
+        self._monitors = [
+            (monitor, monitor.GetMyContextFromRoot(self.context))
+            for monitor in (assembly.safety_monitor, assembly.grasp_monitor)
+            if monitor is not None
+        ]
+        if self._monitors:
             self.simulator.set_monitor(self._watch)
 
     @property
@@ -177,7 +181,7 @@ class Simulation:
                     raise RuntimeError(f"nothing will happen after t = {self.time} s; give a boundary")
                 self._foretold = self._led()
                 self._advance_to(target)
-                if self.time < target:  # the safety monitor intervened
+                if self.time < target:  # a monitor intervened
                     self._at_event = self._latched() != self._seen_latch
                     if not self._at_event:
                         continue
@@ -270,29 +274,32 @@ class Simulation:
             if self.time >= end:
                 self.truncation = f"after {longest:g} s"
                 if free < self.time:
-                    who = "stopped, waiting for ack," if self._latched() else "held by the hand"
+                    who = "stopped, waiting for ack," if any(self._latched()) else "held by the hand"
                     self.truncation += f"; the robot was {who} for the last {self.time - free:.0f} s"
+                    grasp = self.assembly.grasp_monitor
+                    if grasp is not None and (lost := grasp.describe(grasp.GetMyContextFromRoot(self.context))):
+                        self.truncation += f": {lost}"
                 return False
         self.truncation = f"after {limit} decisions"
         return False
 
     def _held(self) -> bool:
-        """Whether a safety monitor keeps the robot where it is."""
-        return self.assembly.safety_monitor is not None and bool(self.output("speed_scale")[0] < _HELD)
+        """Whether a monitor keeps the robot where it is."""
+        scaled = self.assembly.safety_monitor is not None and bool(self.output("speed_scale")[0] < _HELD)
+        return scaled or any(self._latched())
 
     def _led(self) -> float:
         """[s] when the safety monitor last led the motion to another pace, or a motion began."""
         return self.assembly.robot_action.clock_time(self._robot_context)
 
-    def _latched(self) -> bool:
-        """Whether a safety monitor has latched."""
-        monitor = self.assembly.safety_monitor
-        return monitor is not None and monitor.latched(self._monitor_context)
+    def _latched(self) -> list[bool]:
+        """Which monitors have latched."""
+        return [monitor.latched(context) for monitor, context in self._monitors]
 
     def _watch(self, _: Context) -> EventStatus:
         """Ends an advance early when what was foretold does not hold any more."""
         if self._latched() != self._seen_latch or self._led() != self._foretold:
-            return EventStatus.ReachedTermination(self.assembly, "the safety monitor intervened")
+            return EventStatus.ReachedTermination(self.assembly, "a monitor intervened")
         return EventStatus.DidNothing()
 
     def _react(self) -> None:

@@ -107,7 +107,7 @@ class Session:
         self.begun = False
         self._due: Episode | None = None
         self._listeners: tuple[Listener, ...] = ()
-        self._told: tuple[tuple[int, bool], str] = ((0, False), "")
+        self._told: tuple[tuple[int, bool, bool], str] = ((0, False, False), "")
 
     # ---- the course of a run
 
@@ -187,8 +187,10 @@ class Session:
     @property
     def trouble(self) -> str:
         """One line that says what is wrong; empty if nothing is."""
-        monitor = self.assembly.safety_monitor
+        monitor, grasp = self.assembly.safety_monitor, self.assembly.grasp_monitor
         if line := self.station.describe_trouble(self._context):
+            return line
+        if grasp is not None and (line := grasp.describe(grasp.GetMyContextFromRoot(self._context))):
             return line
         if monitor is not None and monitor.latched(monitor.GetMyContextFromRoot(self._context)):
             return f"the hand was not seen for {self.scenario.safety.hand_timeout:g} s: look after the tracker"
@@ -197,11 +199,12 @@ class Session:
     # ---- telling
 
     def _tell_changes(self) -> None:
-        trouble, leaf = self.trouble, self.leaf
+        trouble, leaf, grasp = self.trouble, self.leaf, self.assembly.grasp_monitor
+        lost = grasp is not None and grasp.latched(grasp.GetMyContextFromRoot(self._context))
         # The line itself may hold figures that change all the time.
-        what = int(self.simulation.output("trouble")[0]), bool(trouble)
+        what = int(self.simulation.output("trouble")[0]), bool(trouble), lost
         if trouble and what != self._told[0]:
-            self.tell(f"{'fault' if self.simulation.output('fault')[0] else 'stop'}: {trouble}")
+            self.tell(f"{'fault' if lost or self.simulation.output('fault')[0] else 'stop'}: {trouble}")
         state = self._state(leaf, trouble)
         if state and state != self._told[1]:
             self.tell(state)

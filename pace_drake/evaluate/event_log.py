@@ -43,7 +43,7 @@ class EventLog:
     Kinds of rows: ``episode`` (start and end), ``reaction`` (a transition), ``decision`` (what was observed and
     answered; ``progress`` is the true share of the action's time that has passed), ``human`` (an action or waiting
     begins), ``command`` (what the robot is told), ``robot_idle`` and ``human_idle`` (intervals, written at their end),
-    ``phase`` (samples for the timeline).
+    ``phase`` (samples for the timeline), ``fault`` (what the gripper has lost; ``name`` says it).
 
     Args:
         path: created; it must not exist.
@@ -79,6 +79,7 @@ class EventRecorder:
     def __init__(self, write: Callable[..., None]) -> None:
         self._write = write
         self._human: tuple[int, bool] | None = None
+        self._num_lost = 0
         self._command: tuple[float, ...] | None = None
         self._idle_since: dict[str, tuple[float, int] | None] = {"robot_idle": None, "human_idle": None}
         self._before: dict[str, float] = {}
@@ -89,6 +90,7 @@ class EventRecorder:
         chart = assembly.task_statechart
         chart_context = chart.GetMyContextFromRoot(context)
         self._watch_human(simulation)
+        self._watch_grasp(simulation)
         if before:
             self._before = self._observe(simulation) if simulation.decision_pending else {}
             return
@@ -150,6 +152,15 @@ class EventRecorder:
             )
         joint = simulation.assembly.scenario.task.human_index_of_joint.index(action) + 1 if waiting else 0
         self._watch_idle(simulation.time, "human_idle", joint)
+
+    def _watch_grasp(self, simulation: Simulation) -> None:
+        monitor = simulation.assembly.grasp_monitor
+        if monitor is None:
+            return
+        context = monitor.GetMyContextFromRoot(simulation.context)
+        if monitor.num_lost(context) > self._num_lost:
+            self._write(simulation.time, "fault", name=monitor.describe(context))
+        self._num_lost = monitor.num_lost(context)
 
     def _watch_idle(self, time: float, kind: str, joint: int) -> None:
         since = self._idle_since[kind]

@@ -26,6 +26,7 @@ class PandaPeer:
     Attributes:
         position: joint position (7) [rad].
         width: width between the fingers [m].
+        between: width of what is between the fingers [m], on which they close no further; 0: nothing.
         robot_mode: robot mode to report.
         torque_external: external torque (7) [Nm] to report, in libfranka's sign.
         success_rate: share of commands in time [-] to report.
@@ -61,6 +62,7 @@ class PandaPeer:
         self.position = np.array(position, dtype=float)
         self.velocity = np.zeros(7)
         self.width = width
+        self.between = 0.0
         self.robot_mode = lcmt_panda_status.kMove
         self.torque_external = np.zeros(7)
         self.success_rate = 1.0
@@ -121,8 +123,11 @@ class PandaPeer:
         step[self.blocked] = 0.0
         self.position += step
         self.velocity = step / dt
-        target_width = 1e-3 * self._hand_command[0]
-        self.width += float(np.clip(target_width - self.width, -HAND_SPEED * dt, HAND_SPEED * dt))
+        self.width += float(np.clip(self._target_width() - self.width, -HAND_SPEED * dt, HAND_SPEED * dt))
+
+    def _target_width(self) -> float:
+        """[m] to which the fingers go."""
+        return max(1e-3 * self._hand_command[0], self.between)
 
     def _publish_status(self) -> None:
         message = lcmt_panda_status()
@@ -145,7 +150,7 @@ class PandaPeer:
         message.utime = self._start_utime + self._elapsed
         message.actual_position_mm = 1e3 * self.width
         # The TRI hand driver reports this speed for any motion.
-        message.actual_speed_mm_per_s = 5.0 if abs(1e-3 * self._hand_command[0] - self.width) > 1e-9 else 0.0
+        message.actual_speed_mm_per_s = 5.0 if abs(self._target_width() - self.width) > 1e-9 else 0.0
         if not self.silent:
             self._lcm.Publish(self._config.hand_status_channel, message.encode())
 

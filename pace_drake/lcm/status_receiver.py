@@ -17,6 +17,8 @@ from pace_drake.safety.joint_limits import NUM_JOINTS
 
 #: Status messages over which the difference of the clocks is judged.
 _NUM_SKEWS = 50
+#: What a Franka Hand may report: widths [mm], with some leave, of which none but 0 is nearer to 0; speed [mm/s].
+_WIDTHS, _LEAST_WIDTH, _LARGEST_SPEED = (-5.0, 90.0), 1e-12, 1e4
 #: Places in the state of the arm's receiver.
 _MODE, _SUCCESS = 2, 3
 _POSITION, _VELOCITY, _TORQUE = slice(4, 11), slice(11, 18), slice(18, 25)
@@ -35,8 +37,12 @@ def _wrong_with_arm(status: Any) -> str:
 
 
 def _wrong_with_gripper(status: Any) -> str:
-    values = (status.actual_position_mm, status.actual_speed_mm_per_s)
-    return "" if all(math.isfinite(value) for value in values) else "position or speed is not finite"
+    width, speed = status.actual_position_mm, status.actual_speed_mm_per_s
+    if not (math.isfinite(width) and math.isfinite(speed)):
+        return "position or speed is not finite"
+    # Of noise read as a number, one in fifty is neither huge nor next to nothing, which no encoder says.
+    plausible = width == 0.0 or (abs(width) >= _LEAST_WIDTH and _WIDTHS[0] <= width <= _WIDTHS[1])
+    return "" if plausible and abs(speed) <= _LARGEST_SPEED else f"{width:g} mm at {speed:g} mm/s is no gripper's"
 
 
 class PandaStatusReceiver(InboxReceiver):

@@ -1,4 +1,4 @@
-"""How the robot keeps its distance from the person's hand: settings of speed and separation monitoring."""
+"""How the robot keeps its distance from the person's hand, and how it knows what is in its gripper: settings."""
 
 from dataclasses import dataclass
 from math import inf
@@ -8,7 +8,10 @@ from pace_drake.errors import require
 
 @dataclass(kw_only=True)
 class SafetyConfig:
-    """Speed and separation monitoring (docs/safety.md). The defaults are those of ISO/TS 15066 where it gives any."""
+    """Speed and separation monitoring, and the grasp check (docs/safety.md).
+
+    The defaults are those of ISO/TS 15066 where it gives any.
+    """
 
     enabled: bool = True
     """Whether the station's arm is monitored; the task level has no arm."""
@@ -28,16 +31,29 @@ class SafetyConfig:
     hand_timeout: float = 0.2
     """[s] an older hand signal stops the robot until the operator acknowledges."""
     period: float = 0.01
-    """[s] between two looks."""
+    """[s] between two looks, also at the gripper."""
+    grasp_check: bool = True
+    """Whether a gripper that does not hold what it has fetched is a fault; switch it off where the gripper is one that
+    is only simulated on hardware, as by `pace driver --hand simulated`."""
+    grasp_tolerance: float = 0.005
+    """[m] by which the measured width of the closed gripper may differ from that of what it holds; less than
+    ``workcell.gripper_squeeze``."""
+    grasp_settle_time: float = 1.0
+    """[s] after the commanded width has closed, for fingers to have closed as well."""
 
     def validate(self, name: str = "safety") -> None:
         """Raises InputError that names the field if a value cannot be used."""
         for field in ("human_speed", "margin", "contact_speed", "stop_distance"):
             value = getattr(self, field)
             require(0 <= value < inf, f"{name}.{field}", f"must be >= 0, is {value}")
-        for field in ("reaction_time", "hand_timeout", "period"):
+        for field in ("reaction_time", "hand_timeout", "period", "grasp_settle_time"):
             value = getattr(self, field)
             require(0 < value < inf, f"{name}.{field}", f"must be > 0 [s], is {value}")
+        require(
+            0 < self.grasp_tolerance < inf,
+            f"{name}.grasp_tolerance",
+            f"must be > 0 [m], is {self.grasp_tolerance}",
+        )
         require(
             self.period < self.reaction_time,
             f"{name}.period",

@@ -73,6 +73,11 @@ class Component:
         return flat(self.nominal.to_rigid_transform())
 
 
+def closed_width(workcell: Workcell, component: Component) -> float:
+    """[m] desired width of the gripper that holds a component: less than the component's, which gives the force."""
+    return max(component.grasp.width - workcell.gripper_squeeze, 0.0)
+
+
 def flat(X_WO: RigidTransform) -> np.ndarray:
     """(3) x [m], y [m], yaw [rad] of an object that lies flat."""
     R, p = X_WO.rotation().matrix(), X_WO.translation()

@@ -41,6 +41,7 @@ class HardwareStation(Diagram):
         panda.torque_external (7) [Nm]: in Drake's sign, the opposite of the message's.
         gripper.state_measured (2) [m, m/s]: width and its rate (the TRI driver reports 0.005 m/s whenever the gripper
             moves).
+        gripper.status_age (1) [s]: time since the last gripper status; infinite before the first.
         robot_mode (1): libfranka's robot mode; 2 = Move.
         status_age (1) [s]: time since the last arm status; infinite before the first.
         num_status (1): arm status messages so far.
@@ -139,6 +140,7 @@ class HardwareStation(Diagram):
             (self.status, "velocity_measured", "panda.velocity_estimated"),
             (self.status, "torque_external", "panda.torque_external"),
             (gripper, "state", "gripper.state_measured"),
+            (gripper, "status_age", "gripper.status_age"),
             *((self.status, name, name) for name in ("robot_mode", "status_age", "num_status")),
             (self.sender, "gate_mode", "gate_mode"),
             *((self.watchdog, name, name) for name in ("stop", "fault", "trouble")),

@@ -26,6 +26,7 @@ from pace_drake.resources import resource_path
 from pace_drake.stations.components import (
     TRAY_FLOOR,
     Component,
+    closed_width,
     component_index,
     components,
     presentation_index,
@@ -311,7 +312,7 @@ class _Planner:
             over_tray, at_tray = (Via(f"trays[{tray}]", q, self.scene.gripper_pose(q)) for q in near[1:])
         chain = _Chain(self, f"robot task {i}", self.home.q, w.gripper_open)
         chain.move([self.home, over, at], Load("", (cube.name,), (), w.gripper_open), arrive=True)
-        chain.grip(self._closed(cube))
+        chain.grip(closed_width(self.workcell, cube))
         chain.move([at, over, over_tray, at_tray], carried, leave=True, arrive=True)
         chain.grip(w.gripper_release)
         chain.move([at_tray, over_tray, self.home], let_go, leave=True)
@@ -327,7 +328,7 @@ class _Planner:
         prepared = self._prepared(index)
         chain = _Chain(self, f"preparation {index}", self.home.q, w.gripper_open)
         chain.move([self.home, over, at], Load("", (component.name,), (), w.gripper_open), arrive=True)
-        chain.grip(self._closed(component))
+        chain.grip(closed_width(self.workcell, component))
         chain.move([at, over, *self._carried(index, over), prepared], load, leave=True)
         return chain.finish(approaches=[over.q])
 
@@ -337,7 +338,7 @@ class _Planner:
         load = Load(side.model, ("chair_base", PLACED_SIDE), (side.name, PLACED_SIDE), w.gripper_release)
         over, at = self._placed(load)
         prepared = self._prepared(1)
-        chain = _Chain(self, "joint action 1", prepared.q, self._closed(side))
+        chain = _Chain(self, "joint action 1", prepared.q, closed_width(self.workcell, side))
         leg = self.legs.plan("joint action 1", [prepared, over, at], load, arrive=True)
         let_go = Load("", (), ("chair_base", PLACED_SIDE), w.gripper_release)
         away = self.legs.plan("joint action 1", [at, over], let_go)
@@ -365,7 +366,7 @@ class _Planner:
         w = self.workcell
         prepared, end, key = self._prepared(index), self._end(index), self._component(index)
         load = Load(key.model, (), (key.name,), w.gripper_release)
-        chain = _Chain(self, f"joint action {index}", prepared.q, self._closed(key))
+        chain = _Chain(self, f"joint action {index}", prepared.q, closed_width(self.workcell, key))
         leg = self.legs.plan(f"joint action {index}", [prepared, end], load)
         chain.follow(leg)
         chain.wait(leg.times[-1] * (1 / OFFERED - 1))
@@ -393,7 +394,7 @@ class _Planner:
         over, at = self._pick(component, None, None, gap=w.release_gap)
         carried = Load(component.model, (component.name,), (component.name,), w.gripper_release)
         prepared = self._prepared(index)
-        chain = _Chain(self, f"aborted homing {index}", prepared.q, self._closed(component))
+        chain = _Chain(self, f"aborted homing {index}", prepared.q, closed_width(self.workcell, component))
         chain.move([prepared, *self._carried(index, over), over, at], carried, arrive=True)
         chain.grip(w.gripper_release)
         chain.move([at, over, self.home], Load("", (component.name,), (), w.gripper_release), leave=True)
@@ -406,10 +407,6 @@ class _Planner:
         number = component_index(self.workcell, ActionKind.PREPARE, index)
         assert number is not None
         return self.components[number]
-
-    def _closed(self, component: Component) -> float:
-        """[m] desired width of the gripper that holds it."""
-        return max(component.grasp.width - self.workcell.gripper_squeeze, 0.0)
 
     def _prepared(self, index: int) -> Via:
         """Where the robot waits with the component of joint action ``index``; sought once."""

@@ -19,9 +19,9 @@ STOP_TIME = 0.25
 
 #: Places in the state; the drawn durations follow.
 _SEQUENCE, _KIND, _INDEX, _DURATION, _SINCE, _PATH, _RATE, _AIM, _ACTIVE, _LAST_DONE, _HELD = range(11)
-_LOCATED, _RELEASED, _DRAWN = slice(11, 14), 14, 15
-#: Of a ``PathClock``, in its order.
-_CLOCK = slice(_DURATION, _AIM + 1)
+_LOCATED, _RELEASED, _BACK, _NUM_LOST, _DRAWN = slice(11, 14), 14, 15, 16, 17
+#: Of a ``PathClock``, in its order; the first of them stays as it is while a motion goes on.
+_CLOCK, _LED = slice(_DURATION, _AIM + 1), slice(_SINCE, _AIM + 1)
 
 _JOINT = float(ActionKind.JOINT)
 #: [s] between two looks at whether the person's hand has what is held out to it.
@@ -66,6 +66,16 @@ class Pacing:
     """[s] between two looks at the input ``speed_scale``."""
     look_ahead: float
     """[s] of the path, passed at rate 1, that is put out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LetGo:
+    """How the gripper opens while the arm goes back for what was lost."""
+
+    speed: float
+    """[m/s]"""
+    width: float
+    """[m] to which it opens, if the motion has it no wider there."""
 
 
 class Motion(Protocol):
@@ -118,6 +128,9 @@ class RobotAction(LeafSystem):
     A motion that fetches something begins when the component has been located within ``MAX_COMPONENT_AGE``, and leads
     to where it was then. What is held out is let go when the person's hand has it, and only then the motion is done.
 
+    With a ``LetGo``, a motion that fetches and has lost what it fetched is not done. Issued again, it opens the
+    gripper, goes back on its path to where it began, and begins anew from there. Other motions go on without it.
+
     Inputs:
         robot_action (3): kind, index, sequence number.
         position_measured (7) [rad]: only with motions; a motion is done when its time is over and the arm is there.
@@ -125,6 +138,7 @@ class RobotAction(LeafSystem):
             component, and how long ago it was there.
         p_WH (3) [m]: only with motions; the person's hand.
         speed_scale (1) [-]: only with a pacing; path rate in [0, 1] to aim at where nothing is held.
+        num_lost (1): only with a let_go; how often something was found lost from the gripper.
 
     Outputs:
         motion_done (1): sequence number of the last finished command; 0 before the first.
@@ -136,12 +150,15 @@ class RobotAction(LeafSystem):
         path_position (NUM_POSTURES * 7) [rad], path_velocity (NUM_POSTURES * 7) [rad/s]: only with a pacing; joint
             positions, and velocities at path rate 1, now and evenly along the path ahead; velocities are zero when
             nothing is active.
+        to_locate (3): only with a let_go; the command for whose motion something must be located: robot_action, or of
+            kind NONE while the arm goes back, and then with a number that is half more, so that it is looked for anew.
 
     State:
         [sequence, kind, index, duration [s], time of the last update of the path's clock [s], path time then [s], path
         rate then [-], path rate aimed at [-], active (not finished), last done, held, x, y [m] and yaw [rad] of what is
-        fetched, time at which it was let go [s] (negative: it was not), robot-task durations
-        (NUM_ROBOT_DRAWS * M) [s], preparation (L), joint (L), homing (L) [s]].
+        fetched, time at which it was let go [s] (negative: it was not), path time from which the arm goes back [s] (0:
+        it goes forward), num_lost when a command was taken last, robot-task durations (NUM_ROBOT_DRAWS * M) [s],
+        preparation (L), joint (L), homing (L) [s]]. While the arm goes back, the path's clock is that of the way back.
 
     Events:
         update: takes a new command, holds, or goes on (forced or periodic).
@@ -155,6 +172,7 @@ class RobotAction(LeafSystem):
         arrival_tolerance: [rad] largest joint error at which a motion counts as done.
         stop_time: [s] in which the path rate falls from 1 to 0, and rises again; only with motions.
         pacing: lets a monitor lead the path rate; only with motions.
+        let_go: lets a monitor say that something was lost; only with motions.
         reaction_period: see ``declare_update``.
     """
 
@@ -166,6 +184,7 @@ class RobotAction(LeafSystem):
         arrival_tolerance: float = 0.05,
         stop_time: float = STOP_TIME,
         pacing: Pacing | None = None,
+        let_go: LetGo | None = None,
         reaction_period: float | None = None,
     ) -> None:
         super().__init__()
@@ -197,6 +216,13 @@ class RobotAction(LeafSystem):
             declare_output(self, "path_position", self._path_position, now, size=7 * NUM_POSTURES)
             declare_output(self, "path_velocity", self._path_velocity, now, size=7 * NUM_POSTURES)
             self.DeclarePeriodicDiscreteUpdateEvent(pacing.period, 0.0, self._follow_scale)
+        self._let_go = let_go
+        if let_go is not None:
+            assert motions is not None, "only planned motions hold something"
+            self._lost = declare_input(self, "num_lost")
+            arrival.add(self.input_port_ticket(self._lost.get_index()))
+            commanded = {*now, self.input_port_ticket(self._command.get_index())}
+            declare_output(self, "to_locate", self._to_locate, commanded, size=3)
         declare_output(self, "motion_done", self._motion_done, arrival)
         declare_output(self, "robot_busy", self._busy, arrival)
         declare_output(self, "motion_progress", self._progress, now, size=3)
@@ -211,7 +237,14 @@ class RobotAction(LeafSystem):
         """As ``set_episode``, but the robot takes (L) [s] of its own in the joint actions."""
         context.SetDiscreteState(
             np.concatenate(
-                [np.zeros(_RELEASED), [-1.0], episode.robot.ravel(), episode.preparation, joint, episode.homing]
+                [
+                    np.zeros(_RELEASED),
+                    [-1.0, 0.0, 0.0],
+                    episode.robot.ravel(),
+                    episode.preparation,
+                    joint,
+                    episode.homing,
+                ]
             )
         )
 
@@ -237,11 +270,30 @@ class RobotAction(LeafSystem):
     # ---- the path's clock
 
     def _clock(self, state: np.ndarray) -> PathClock:
-        return PathClock._make((*state[_CLOCK].tolist(), self._stop_time))
+        clock = PathClock._make((*state[_CLOCK].tolist(), self._stop_time))
+        return clock._replace(duration=state[_BACK]) if state[_BACK] else clock
 
-    def _path_time(self, state: np.ndarray, time: float) -> tuple[float, float]:
-        """(path time [s], path rate) at ``time``."""
+    def _passed(self, state: np.ndarray, time: float) -> tuple[float, float]:
+        """(time of the path's clock [s], path rate) at ``time``."""
         return self._clock(state).at(time) if state[_ACTIVE] else (state[_PATH], 0.0)
+
+    def _path_time(self, state: np.ndarray, time: float) -> float:
+        """[s] along the path at ``time``."""
+        passed = self._passed(state, time)[0]
+        return state[_BACK] - passed if state[_BACK] else passed
+
+    def _is_back(self, context: Context) -> bool:
+        """Whether the arm has gone back to where the motion began."""
+        state = self._state(context)
+        return bool(state[_BACK]) and context.get_time() >= self._clock(state).end
+
+    def _has_lost(self, context: Context) -> bool:
+        """Whether the active motion has lost what it fetches."""
+        state = self._state(context)
+        if self._let_go is None or not state[_ACTIVE] or self._lost.Eval(context)[0] == state[_NUM_LOST]:
+            return False
+        assert self._motions is not None
+        return self._motions.component(ActionKind(int(state[_KIND])), int(state[_INDEX])) is not None
 
     def _is_done(self, context: Context) -> bool:
         """Whether the active motion has come to its end."""
@@ -251,6 +303,8 @@ class RobotAction(LeafSystem):
             return False
         if self._motions is None:
             return True
+        if state[_BACK] or self._has_lost(context):
+            return False
         motion = self._motion(state)
         hand_over = motion.hand_over
         if hand_over is not None and self._opened(state, hand_over, context.get_time()) < hand_over.width:
@@ -276,7 +330,7 @@ class RobotAction(LeafSystem):
 
     def _fraction(self, context: Context) -> float:
         state = self._state(context)
-        return self._path_time(state, context.get_time())[0] / state[_DURATION] if state[_DURATION] else 0.0
+        return self._path_time(state, context.get_time()) / state[_DURATION] if state[_DURATION] else 0.0
 
     def _progress(self, context: Context) -> tuple[float, float, float]:
         state = self._state(context)
@@ -305,25 +359,39 @@ class RobotAction(LeafSystem):
         if not state[_KIND]:
             return self._motions.motion(ActionKind.ROBOT_TASK, 1).gripper_width(0.0)
         motion = self._motion(state)
-        width, hand_over = motion.gripper_width(self._fraction(context)), motion.hand_over
-        return width if hand_over is None else max(width, self._opened(state, hand_over, context.get_time()))
+        width, opening = (
+            motion.gripper_width(self._fraction(context)),
+            self._let_go if state[_BACK] else motion.hand_over,
+        )
+        return width if opening is None else max(width, self._opened(state, opening, context.get_time()))
+
+    def _to_locate(self, context: Context) -> np.ndarray:
+        kind, index, sequence = self._command.Eval(context)
+        if not self._state(context)[_BACK]:
+            return np.array([kind, index, sequence])
+        return np.array([kind, index, sequence + 0.5]) if self.begins(context) else np.zeros(3)
 
     @staticmethod
-    def _opened(state: np.ndarray, hand_over: HandOver, time: float) -> float:
+    def _opened(state: np.ndarray, opening: HandOver | LetGo, time: float) -> float:
         """[m] width of the gripper that lets go; 0 before."""
         if state[_RELEASED] < 0:
             return 0.0
-        return min(hand_over.speed * (time - state[_RELEASED]), hand_over.width)
+        return min(opening.speed * (time - state[_RELEASED]), opening.width)
 
     # ---- the path ahead
 
     def _path_rate(self, context: Context) -> float:
-        return self._path_time(self._state(context), context.get_time())[1]
+        return self._passed(self._state(context), context.get_time())[1]
+
+    @staticmethod
+    def _direction(state: np.ndarray) -> float:
+        """-1 while the arm goes back, else 1."""
+        return -1.0 if state[_BACK] else 1.0
 
     def _path_ahead(self, context: Context) -> np.ndarray:
         """Fractions of the motion, now and ahead."""
         state = self._state(context)
-        return (self._path_time(state, context.get_time())[0] + self._ahead) / state[_DURATION]
+        return (self._path_time(state, context.get_time()) + self._direction(state) * self._ahead) / state[_DURATION]
 
     def _path_position(self, context: Context) -> np.ndarray:
         state = self._state(context)
@@ -336,7 +404,8 @@ class RobotAction(LeafSystem):
         if not state[_ACTIVE]:
             return np.zeros(7 * NUM_POSTURES)
         motion = self._motion(state)
-        return (motion.duration / state[_DURATION] * motion.path_velocities(self._path_ahead(context))).ravel()
+        rate = self._direction(state) * motion.duration / state[_DURATION]
+        return (rate * motion.path_velocities(self._path_ahead(context))).ravel()
 
     # ---- update
 
@@ -352,7 +421,7 @@ class RobotAction(LeafSystem):
         clock = self._clock(before).led(time, aim)
         if clock.passed <= self._pacing.period:
             clock = clock._replace(rate=min(clock.rate, aim))
-        values.get_mutable_value(0)[_CLOCK] = clock[:-1]
+        values.get_mutable_value(0)[_LED] = clock[1:-1]
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         kind_value, index, sequence = self._command.Eval(context)
@@ -363,23 +432,28 @@ class RobotAction(LeafSystem):
             x[_LAST_DONE], x[_PATH], x[_ACTIVE] = x[_SEQUENCE], x[_DURATION], 0.0
         if kind == ActionKind.HOLD:
             if x[_ACTIVE] and not x[_HELD]:
-                x[_CLOCK], x[_HELD] = self._clock(before).led(time, 0.0)[:-1], 1.0
+                x[_LED], x[_HELD] = self._clock(before).led(time, 0.0)[1:-1], 1.0
             return
-        if sequence == x[_SEQUENCE] or kind == ActionKind.NONE:
+        begins = self.begins(context)
+        if kind == ActionKind.NONE or (sequence == x[_SEQUENCE] and begins is None):
             return
         aim = self._aim(context)
-        begins = self.begins(context)
-        if begins is None:
-            x[_PATH], x[_RATE] = self._path_time(before, time)
+        if begins is None and not before[_BACK] and self._has_lost(context):
+            # The chart issues it again when the arm is at rest.
+            x[_BACK], x[_PATH], x[_RATE], x[_RELEASED] = self._path_time(before, time), 0.0, 0.0, time
+        elif begins is None:
+            x[_PATH], x[_RATE] = self._passed(before, time)
         else:
             located = self._locate(context, kind, int(index))
             if located is None:
                 return
             # A new motion begins at rest by itself: its clock need not start slowly.
             x[_KIND], x[_INDEX], x[_PATH], x[_RATE] = kind_value, index, 0.0, aim
-            x[_LOCATED], x[_RELEASED] = located, -1.0
+            x[_LOCATED], x[_RELEASED], x[_BACK] = located, -1.0, 0.0
             x[_DURATION] = self._drawn_duration(before, kind, int(index), int(sequence), located)
         x[_SEQUENCE], x[_SINCE], x[_AIM], x[_ACTIVE], x[_HELD] = sequence, time, aim, 1.0, 0.0
+        if self._let_go is not None:
+            x[_NUM_LOST] = self._lost.Eval(context)[0]
 
     @staticmethod
     def clock_time(context: Context) -> float:
@@ -390,7 +464,11 @@ class RobotAction(LeafSystem):
         """(kind, index, sequence) of the motion that an update now would begin anew; None if it would not."""
         kind, index, sequence = (int(value) for value in self._command.Eval(context))
         state = self._state(context)
-        if kind in (ActionKind.NONE, ActionKind.HOLD) or sequence == state[_SEQUENCE]:
+        if kind in (ActionKind.NONE, ActionKind.HOLD):
+            return None
+        if self._is_back(context):
+            return ActionKind(kind), index, sequence
+        if sequence == state[_SEQUENCE]:
             return None
         if state[_ACTIVE] and not self._is_done(context) and (state[_KIND], state[_INDEX]) == (kind, index):
             return None

@@ -17,6 +17,8 @@ from pace_drake.lcm.panda_peer import PandaPeer
 from pace_drake.lcm.types import lcmt_pace_operator
 from pace_drake.policies.factory import make_policy
 from pace_drake.safety.command_gate import GateMode
+from pace_drake.stations.components import component_index, components
+from pace_drake.task import ActionKind
 
 STATUS_PERIOD = 0.005  # [s]
 ACKNOWLEDGE, STOP = lcmt_pace_operator.ACKNOWLEDGE, lcmt_pace_operator.STOP
@@ -44,7 +46,10 @@ class TamperedLcm:
 
 
 class Rig:
-    """See the module; ``lines`` is what the session told, ``messages`` the log."""
+    """See the module; ``lines`` is what the session told, ``messages`` the log.
+
+    While ``present``, there is between the fingers what the robot's present action has them close on.
+    """
 
     real_person = False
 
@@ -56,6 +61,7 @@ class Rig:
             queue, motions.home if start is None else start, config=scenario.lcm, status_rate=1.0 / STATUS_PERIOD
         )
         self.queue = queue
+        self.present = True
         self.lines: list[str] = []
         self.messages: list[LoggedMessage] = []
         self.policy = make_policy(policy, scenario)
@@ -82,9 +88,19 @@ class Rig:
 
     def run(self, duration: float) -> "Rig":
         for _ in range(round(duration / STATUS_PERIOD)):
+            self.peer.between = self._width_between() if self.present else 0.0
             self.peer.step(STATUS_PERIOD)
             self.session.step()
         return self
+
+    def _width_between(self) -> float:
+        """[m]"""
+        kind, index = self.action()
+        if kind not in (ActionKind.ROBOT_TASK, ActionKind.PREPARE, ActionKind.JOINT, ActionKind.HOME_ABORTED):
+            return 0.0
+        fetching = ActionKind.ROBOT_TASK if kind == ActionKind.ROBOT_TASK else ActionKind.PREPARE
+        number = component_index(self.scenario.workcell, fetching, index)
+        return components(self.scenario.workcell)[number].grasp.width
 
     def run_until(self, reached: Callable[[], bool], limit: float = 20.0) -> "Rig":
         end = self.peer.elapsed() + limit

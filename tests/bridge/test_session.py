@@ -295,6 +295,23 @@ def test_a_hand_that_is_not_seen_stops_the_arm_until_acknowledged(tracked):
     assert tracked.check().kept
 
 
+def test_what_the_gripper_loses_while_the_hand_is_not_seen_is_told_as_well(tracked):
+    tracked.run(0.3)
+    tracked.session.press(ACKNOWLEDGE)
+    tracked.run(0.7)
+    tracked.work()
+    tracked.run_until(lambda: tracked.peer.width < 0.041)
+    tracked.run(0.5)
+    tracked.tracker.silent = True
+    tracked.run(0.5)
+    tracked.present = False
+    tracked.run(0.7)
+    told = [line for line in tracked.lines if line.startswith(("fault", "stop:"))]
+    assert told[-2].startswith("stop: the hand was not seen")
+    assert told[-1].startswith("fault: the gripper does not hold cube_")
+    assert tracked.leaf == "FAULT"
+
+
 def test_without_a_tracker_nothing_moves(parts):
     scenario, people, motions = parts
     rig = TrackedRig(replace(scenario, human=replace(scenario.human, monitor="button")), people, motions)

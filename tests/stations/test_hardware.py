@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from drake import lcmt_panda_command, lcmt_panda_status
+from drake import lcmt_panda_command, lcmt_panda_status, lcmt_schunk_wsg_status
 from pydrake.common.yaml import yaml_load_typed
 from pydrake.lcm import DrakeLcm
 from pydrake.systems.analysis import Simulator
@@ -27,6 +27,7 @@ OUTPUTS = {
     "panda.velocity_estimated": 7,
     "panda.torque_external": 7,
     "gripper.state_measured": 2,
+    "gripper.status_age": 1,
     "robot_mode": 1,
     "status_age": 1,
     "num_status": 1,
@@ -336,6 +337,33 @@ def test_status_that_cannot_be_used_is_no_status(held: Rig, changes: dict[str, o
         held.run(PERIOD)
     assert held.trouble == Trouble.NO_STATUS
     assert f"20 messages could not be used, the last because it {what}" in held.message.replace("because it is", "is")
+
+
+@pytest.mark.parametrize(
+    ("width", "speed", "taken"),
+    [
+        (0.0, 0.0, True),
+        (39.9, -100.0, True),
+        (-0.1, 5.0, True),
+        (np.nan, 0.0, False),
+        (91.0, 0.0, False),
+        (-6.0, 0.0, False),
+        (1e-200, 0.0, False),
+        (40.0, 1e5, False),
+    ],
+)
+def test_gripper_status_that_is_no_grippers_is_dropped(held: Rig, width: float, speed: float, taken: bool) -> None:
+    held.peer.silent = True
+    held.run(4 * PERIOD)
+    before = held.output("gripper.state_measured").copy()
+    status = lcmt_schunk_wsg_status()
+    status.utime = START_UTIME + 10_000_000
+    status.actual_position_mm, status.actual_speed_mm_per_s = width, speed
+    held.lcm.Publish(held.config.hand_status_channel, status.encode())
+    held.run(PERIOD)
+    expected = 1e-3 * np.array([width, speed]) if taken else before
+    np.testing.assert_allclose(held.output("gripper.state_measured"), expected)
+    assert (held.output("gripper.status_age")[0] < 3 * PERIOD) == taken
 
 
 def test_duplicate_and_older_status_is_not_fresh(held: Rig) -> None:

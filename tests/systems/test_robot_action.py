@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from pace_drake.systems.robot_action import MAX_COMPONENT_AGE, NUM_POSTURES, Pacing, RobotAction
+from pace_drake.systems.robot_action import MAX_COMPONENT_AGE, NUM_POSTURES, LetGo, Pacing, RobotAction
 from pace_drake.task import ActionKind, sample_episode
 from tests.systems.forced import force_update
 
@@ -573,3 +573,149 @@ def test_where_nothing_is_held_out_the_clock_opens_the_gripper(fetching):
     fetching.look(50.0)
     assert fetching.out("gripper_position") == 0.0
     assert fetching.out("motion_done") == 1
+
+
+# ---- what was lost from the gripper is fetched anew
+
+
+class LosingBench(PacedBench):
+    """Sorts, and is told that it has lost what it fetched."""
+
+    def __init__(self, task, episode):
+        pacing, let_go = Pacing(period=0.01, look_ahead=0.2), LetGo(speed=0.1, width=0.052)
+        dut = RobotAction(task, LineMotions(), 2, stop_time=0.4, pacing=pacing, let_go=let_go)
+        Bench.__init__(self, dut, episode)
+        self.put(position_measured=np.zeros(7), speed_scale=1.0, num_lost=0.0)
+
+    def lose(self, time, kind=ActionKind.ROBOT_TASK):
+        """The chart faults, and issues the command again when the arm is at rest."""
+        self.context.SetTime(time)
+        self.put(num_lost=self.dut.GetInputPort("num_lost").Eval(self.context)[0] + 1)
+        self.update(time, ActionKind.HOLD, 0, 1)
+        self.update(time + 1.0, kind, 1, 2)
+
+
+@pytest.fixture(scope="module")
+def with_let_go(chair, episode):
+    return LosingBench(chair.task, episode)
+
+
+@pytest.fixture
+def losing(with_let_go, episode):
+    with_let_go.context.SetTime(0.0)
+    with_let_go.dut.SetDefaultContext(with_let_go.context)
+    with_let_go.dut.set_episode(with_let_go.context, episode)
+    with_let_go.put(position_measured=np.zeros(7), speed_scale=1.0, num_lost=0.0)
+    with_let_go.put(component_poses=2 * AT_ORIGIN, component_ages=[0.0, 0.0])
+    return with_let_go
+
+
+def test_what_was_lost_is_fetched_anew_from_where_the_motion_began(losing, episode):
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    losing.lose(3.0)
+    back = losing.out("motion_progress")[2] * episode.robot[0, 0]
+    assert 3.0 < back < 3.3  # it has come to rest
+    end = losing.out("next_event_time")
+    assert end == pytest.approx(4.0 + back + 0.2)  # the same way, but that it starts on a ramp
+    times = np.arange(4.0, end, 0.01)
+    fractions = np.array([losing.out("motion_progress", time)[2] for time in times])
+    assert np.all(np.diff(fractions) < 0.0)
+    assert np.max(-np.diff(fractions)) * episode.robot[0, 0] < 0.01 + 1e-9
+    np.testing.assert_allclose(losing.out("position"), fractions[-1] * 0.11)
+    losing.put(component_poses=lying((0.3, -0.5, 0.2), (0.0, 0.0, 0.0)))
+    losing.update(end - 0.01, ActionKind.ROBOT_TASK, 1, 2)
+    assert losing.out("motion_progress")[2] > 0.0
+    losing.update(end, ActionKind.ROBOT_TASK, 1, 2)
+    assert losing.out("motion_progress")[2] == 0.0
+    again = end + episode.robot[1, 0]  # the time drawn for the new command
+    assert losing.out("next_event_time") == again
+    reached = LineMotions().motion(ActionKind.ROBOT_TASK, 1, np.array([0.3, -0.5, 0.2])).end
+    np.testing.assert_allclose(losing.out("position", again), reached)
+    losing.put(position_measured=reached)
+    assert losing.out("motion_done") == 2
+
+
+def test_the_gripper_opens_on_the_way_back_and_as_the_motion_has_it_where_that_is_wider(losing, episode):
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    losing.lose(5.0)
+    planned = 0.04 * (1 - losing.out("motion_progress")[2])
+    assert losing.out("gripper_position") == pytest.approx(planned)
+    for since in (0.3, 0.4, 0.52, 3.0):
+        width = losing.out("gripper_position", 6.0 + since)
+        assert width == pytest.approx(max(min(0.1 * since, 0.052), 0.04 * (1 - losing.out("motion_progress")[2])))
+    losing.update(losing.out("next_event_time"), ActionKind.ROBOT_TASK, 1, 2)
+    assert losing.out("gripper_position") == pytest.approx(0.04)
+
+
+def test_a_motion_that_has_lost_what_it_fetches_is_not_done(losing, episode):
+    losing.put(position_measured=np.full(7, 0.11))
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    end = losing.out("next_event_time")
+    assert losing.out("motion_done", end) == 1
+    losing.put(num_lost=1.0)
+    assert losing.out("motion_done") == 0
+
+
+def test_what_fetches_nothing_goes_on_without_it(losing, episode):
+    losing.update(0.0, ActionKind.JOINT, 1, 1)
+    losing.lose(2.0, ActionKind.JOINT)
+    fraction = losing.out("motion_progress")[2]
+    assert losing.out("motion_progress", 5.0)[2] > fraction
+    losing.put(position_measured=np.full(7, 0.31))
+    assert losing.out("motion_done", losing.out("next_event_time")) == 2
+
+
+def test_a_stop_without_a_loss_goes_on_and_so_does_one_after_it_was_fetched_anew(losing):
+    losing.put(num_lost=3.0)
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    losing.update(2.0, ActionKind.HOLD, 0, 1)
+    losing.update(3.0, ActionKind.ROBOT_TASK, 1, 2)
+    assert losing.out("motion_progress", 4.0)[2] > losing.out("motion_progress", 3.0)[2]
+
+
+def test_a_hold_on_the_way_back_freezes_and_it_goes_on_back(losing, episode):
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    losing.lose(3.0)
+    before = losing.out("motion_progress", 5.0)[2]
+    losing.update(5.0, ActionKind.HOLD, 0, 2)
+    held = losing.out("motion_progress", 6.0)[2]
+    assert held == pytest.approx(before - 0.2 / episode.robot[0, 0])  # on the way on which it slows down
+    assert losing.out("motion_progress", 9.0)[2] == held
+    assert losing.out("robot_busy") == 0
+    losing.update(9.0, ActionKind.ROBOT_TASK, 1, 3)
+    assert losing.out("motion_progress", 10.0)[2] < held
+    end = losing.out("next_event_time")
+    losing.update(end, ActionKind.ROBOT_TASK, 1, 3)
+    assert losing.out("next_event_time") == end + episode.robot[2, 0]
+
+
+def test_on_the_way_back_the_path_ahead_leads_back(losing, episode):
+    duration = episode.robot[0, 0]
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    losing.lose(3.0)
+    passed = losing.out("motion_progress", 5.0)[2] * duration
+    ahead = (passed - np.linspace(0, 0.2, NUM_POSTURES)) / duration
+    position = losing.out("path_position").reshape(NUM_POSTURES, 7)
+    np.testing.assert_allclose(position, 0.11 * np.outer(ahead, np.ones(7)))
+    np.testing.assert_allclose(losing.out("path_velocity"), -0.11 / duration)
+    losing.put(speed_scale=0.5)
+    losing.look(5.0)
+    assert losing.out("path_rate", 6.0) == pytest.approx(0.5)
+    slower = losing.out("motion_progress", 6.0)[2] - losing.out("motion_progress", 7.0)[2]
+    assert slower * duration == pytest.approx(0.5)
+
+
+def test_it_is_looked_for_anew_when_the_arm_is_back(losing):
+    losing.update(0.0, ActionKind.ROBOT_TASK, 1, 1)
+    assert losing.out("to_locate").tolist() == [ActionKind.ROBOT_TASK, 1, 1]
+    losing.lose(3.0)
+    assert losing.out("to_locate").tolist() == [ActionKind.NONE, 0, 0]
+    end = losing.out("next_event_time")
+    assert losing.out("to_locate", end).tolist() == [ActionKind.ROBOT_TASK, 1, 2.5]
+    losing.put(component_ages=[2.0, 0.0])
+    losing.update(end, ActionKind.ROBOT_TASK, 1, 2)
+    np.testing.assert_allclose(losing.out("position", end + 1.0), LineMotions.home, atol=1e-12)  # not seen: it waits
+    losing.put(component_ages=[0.0, 0.0])
+    losing.update(end + 1.0, ActionKind.ROBOT_TASK, 1, 2)
+    assert losing.out("to_locate").tolist() == [ActionKind.ROBOT_TASK, 1, 2]
+    assert losing.out("motion_progress", end + 2.0)[2] > 0.0
