@@ -1,36 +1,29 @@
 """Whose hands a scenario sees: the demonstrations that are played and the references they are compared with."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import cast
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache, lru_cache
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from pace_drake.alignments import calibrate, choose_reference, make_alignment, make_ensemble
 from pace_drake.demos import Demonstration, generate_demonstrations, read_demonstrations
-from pace_drake.demos.model import Split
+from pace_drake.demos.model import DemonstrationSet, Split
 from pace_drake.dtw.end import EndDetector
-from pace_drake.dtw.ensemble import MedianPhase
 from pace_drake.dtw.estimator import Estimator
 from pace_drake.dtw.estimator_file import ActionEstimator, read_estimator_file
 from pace_drake.dtw.filter import Calibration, PhaseFilter
-from pace_drake.dtw.open_end import Distance, OpenEndSoftDTW
 from pace_drake.errors import InputError, require
 from pace_drake.observation import FUSED_SETS
-from pace_drake.scenario import SYNTHETIC, EstimatorConfig, HumanConfig, Scenario
-from pace_drake.task import Episode, HumanAction, sample_episode
+from pace_drake.scenario import SYNTHETIC, EstimatorConfig, Scenario
+from pace_drake.task import Duration, Episode, sample_episode
 
 #: Unseen people: how many, and by how much the seed of their generation differs from that of the known ones.
 NUM_UNSEEN = 12
 _UNSEEN_SEED = 1 << 20
-
-
-#: Quantiles of the drawn durations to which training trials are stretched for the filter's calibration.
-_CALIBRATED_AT = np.array([0.1, 0.5, 0.9])
-#: Smoothing of the alignments that an ensemble adds, by distance, in its units [m/s], [m].
-_ENSEMBLE_GAMMA = {"derivative": 0.02, "euclidean": 0.05}
 
 
 @dataclass(frozen=True)
@@ -88,14 +81,14 @@ class People:
                 continue
             config = scenario.estimator_of(action.name)
             fused = config.fused or scenario.observation in FUSED_SETS
-            alignment: Estimator = _alignment(config, reference, period)
+            alignment: Estimator = make_alignment(config, reference, period)
             calibration: Calibration | None = None
             if action.name in tuned:
                 alignment, calibration = tuned[action.name].alignment(period), tuned[action.name].calibration
             elif len(training) > 1:
                 if fused and config.ensemble:
-                    alignment = _ensemble(config, alignment, reference, training, period)
-                calibration = _calibration(action, alignment, reference, training, period, self.rescale)
+                    alignment = make_ensemble(config, alignment, reference, training, period)
+                calibration = calibrate(action, alignment, reference, training, period, self.rescale)
             if calibration is None:
                 require(
                     not fused,
@@ -214,7 +207,7 @@ def load_people(scenario: Scenario, *, tracked: bool = False) -> People:
     config = scenario.human
     names = [None if action.joint else action.name for action in scenario.task.human_actions]
     if config.demonstrations == SYNTHETIC:
-        return _synthetic(config, names)
+        return _synthetic(scenario, names)
     recorded = read_demonstrations(scenario.resolve(config.demonstrations))
     shift = np.zeros(3) if tracked else _to_workplace(recorded, config.workplace)
     if shift.any():
@@ -250,8 +243,9 @@ def load_people(scenario: Scenario, *, tracked: bool = False) -> People:
     )
 
 
-def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
-    synthetic = generate_demonstrations(seed=config.seed)
+def _synthetic(scenario: Scenario, names: list[str | None]) -> People:
+    config = scenario.human
+    synthetic = _known(config.seed)
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     training: list[list[Demonstration]] = []
@@ -264,15 +258,24 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     else:
         who = f"{config.split} trials"
         chosen = synthetic.split(cast(Split, config.split))
-    for name in names:
+    for name, action in zip(names, scenario.task.human_actions, strict=True):
         if name is None:
             demonstrations.append([])
             references.append(None)
             training.append([])
         elif name in synthetic.actions:
-            demonstrations.append(list(chosen.of(name)))
-            references.append(synthetic.reference(name))
-            training.append(list(known.of(name)))
+            trials = list(known.of(name))
+            reference = _reference(
+                config.seed,
+                name,
+                tuple(asdict(action.duration).items()),
+                tuple(asdict(scenario.estimator_of(name)).items()),
+                config.sample_period,
+            )
+            references.append(reference)
+            # One that all are compared with says nothing of how others fare.
+            demonstrations.append([d for d in chosen.of(name) if d is not reference])
+            training.append([d for d in trials if d is not reference])
         else:
             raise InputError(
                 f"human.demonstrations: the synthetic set has no action {name!r}; it has "
@@ -287,66 +290,22 @@ def _synthetic(config: HumanConfig, names: list[str | None]) -> People:
     )
 
 
-def _alignment(
-    config: EstimatorConfig, reference: Demonstration, period: float, *, tempo_free: bool = False
-) -> OpenEndSoftDTW:
-    """That of the paper; or one that does not lag behind fast people, as no path is favoured for its few cells."""
-    return OpenEndSoftDTW(
-        reference.resample(period).p_WH,
-        config.gamma,
-        cast(Distance, config.distance),
-        config.window,
-        steps="symmetric2" if tempo_free else "symmetric1",
-        normalization="steps" if tempo_free else "none",
-        sample_period=period,
+@lru_cache(maxsize=8)
+def _known(seed: int) -> DemonstrationSet:
+    return generate_demonstrations(seed=seed)
+
+
+@lru_cache(maxsize=64)
+def _reference(
+    seed: int, action: str, duration: tuple[tuple[str, Any], ...], estimator: tuple[tuple[str, Any], ...], period: float
+) -> Demonstration:
+    """The reference of a known action; found once, as that takes half a second for a task."""
+    synthetic = _known(seed)
+    training = synthetic.split("train").of(action)
+    candidates = (synthetic.reference(action), *training)
+    return choose_reference(
+        Duration(**dict(duration)), EstimatorConfig(**dict(estimator)), candidates, training, period
     )
-
-
-def _ensemble(
-    config: EstimatorConfig,
-    alignment: Estimator,
-    reference: Demonstration,
-    training: list[Demonstration],
-    period: float,
-) -> MedianPhase:
-    """The alignment, and others with the reference and one trial of each known person, by three distances."""
-    firsts = {d.subject: d for d in reversed(training)}
-    references = [reference, *(firsts[subject] for subject in sorted(firsts))]
-    others = [replace(config, distance=distance, gamma=gamma) for distance, gamma in _ENSEMBLE_GAMMA.items()]
-    return MedianPhase(
-        [
-            alignment,
-            *(_alignment(config, one, period, tempo_free=True) for one in references[1:]),
-            *(_alignment(other, one, period, tempo_free=True) for other in others for one in references),
-        ]
-    )
-
-
-def _calibration(
-    action: HumanAction,
-    alignment: Estimator,
-    reference: Demonstration,
-    training: list[Demonstration],
-    period: float,
-    stretched: bool,
-) -> Calibration:
-    """What the filter learns from the training trials: as they are, or stretched to some of the drawn durations.
-
-    Where durations are drawn, people differ as the task says, and not as the few who are known.
-    """
-    num_people = len({d.subject for d in (reference, *training)})
-    if stretched:
-        durations = action.duration.quantile(_CALIBRATED_AT)
-        hands = [d.positions(_ticks(t, period), t) for d in training for t in durations.tolist()]
-    else:
-        hands = [d.resample(period).p_WH for d in training]
-    phases = alignment.phases(hands, num_threads=2)
-    return Calibration.fit(phases, reference.duration, period, num_people if num_people > 1 else None)
-
-
-def _ticks(seconds: float, period: float) -> np.ndarray:
-    """Times of the tracker's samples within a duration."""
-    return np.arange(int(seconds / period) + 1) * period
 
 
 def _estimator_file(scenario: Scenario) -> Mapping[str, ActionEstimator]:

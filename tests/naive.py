@@ -144,3 +144,24 @@ def naive_duration_posterior(z, elapsed, calibration, num=400_001):
         log_p[np.exp(log_T) <= elapsed] = -math.inf
     p = np.exp(log_p - log_p.max())
     return np.exp(log_T), p / p.sum()
+
+
+def naive_spread(phases, durations, period):
+    """``alignments.spread``, one true phase and one person at a time."""
+    levels = [0.3 + 0.05 * k for k in range(14)]
+
+    def at(one, seconds, level):
+        """The phase at a true phase, linear between samples."""
+        place = level * seconds / period
+        before = min(int(place), len(one) - 2)
+        return one[before] + (place - before) * (one[before + 1] - one[before])
+
+    table = [[at(one, seconds, level) for one, seconds in zip(phases, durations, strict=True)] for level in levels]
+    means = [sum(row) / len(row) for row in table]
+    total = 0.0
+    for k, row in enumerate(table):
+        lower, upper = max(k - 1, 0), min(k + 1, len(levels) - 1)
+        slope = max((means[upper] - means[lower]) / (levels[upper] - levels[lower]), 0.2)
+        variance = sum((value - means[k]) ** 2 for value in row) / len(row)
+        total += variance / slope**2
+    return (total / len(levels)) ** 0.5

@@ -16,7 +16,7 @@ LAYERS = [
     ["driver"],
     ["stations"],
     ["scenario"],
-    ["policies", "people", "task_chart"],
+    ["alignments", "policies", "people", "task_chart"],
     ["systems"],
     ["diagram"],
     ["simulation"],

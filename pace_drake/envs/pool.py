@@ -264,7 +264,7 @@ def pool_key(scenario: Scenario, people: People, size: int, seed: int | Sequence
 
 
 #: The modules beside ``dtw`` whose text determines a pool.
-_MODULES = ("people", "task", "envs/pool", "demos/model")
+_MODULES = ("people", "alignments", "task", "envs/pool", "demos/model")
 _PHASES, _ARRAYS = (
     [field.name for field in fields(Phases)],
     ["human", "demonstration", "robot", "preparation", "homing"],

@@ -23,8 +23,8 @@ REFUSED = r"ikea_chair.onnx: trained with another phase estimate of place_rails:
 @pytest.fixture
 def other_program(monkeypatch):
     """Alignments that count cells otherwise, as a later version's might."""
-    real = module._alignment
-    monkeypatch.setattr(module, "_alignment", lambda *given, **_: real(*given, tempo_free=True))
+    real = module.make_alignment
+    monkeypatch.setattr(module, "make_alignment", lambda *given, **_: real(*given, tempo_free=True))
 
 
 def estimates(*overrides, observation="paper", change=None, tracked=False):
