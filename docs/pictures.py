@@ -37,7 +37,7 @@ def timeline(path: Path) -> None:
 
 
 def replay(path: Path) -> None:
-    """The page of the same episode at the plant level, while the robot goes to fetch the first key."""
+    """The page of the same episode at the plant level, while the robot hands over the first key."""
     run = path.with_suffix(".run")
     shutil.rmtree(run, ignore_errors=True)
     pace("run", "ikea_chair", "--level", "plant", "--seed", "1", "--out", run)
