@@ -100,8 +100,11 @@ def test_the_split_is_the_env_s_own(chair):
     train = gym.make("PaceAssembly-v0", scenario=chair, split="train").unwrapped
     assert train.scenario.human.split == "train"
     assert chair.human.split == "validation"  # the caller's scenario is not touched
-    counts = [len(d) for d in train.simulation.assembly.people.demonstrations]
-    assert counts == [15, 0, 15, 0, 15, 0]  # 5 subjects x 3 trials
+    people = train.simulation.assembly.people
+    # 5 subjects x 3 trials; one that is the reference is not played.
+    expected = [0 if d is None else 15 - (d.trial != "reference") for d in people.references]
+    assert [len(d) for d in people.demonstrations] == expected
+    assert expected[1] == 0 < expected[0]
 
 
 @pytest.mark.parametrize(("name", "size"), [("none", 3), ("paper", 4), ("fused", 6), ("history", 7)])
