@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -19,7 +19,7 @@ from pace_drake.dtw.filter import Calibration, PhaseFilter
 from pace_drake.errors import InputError, require
 from pace_drake.observation import FUSED_SETS
 from pace_drake.scenario import SYNTHETIC, EstimatorConfig, Scenario
-from pace_drake.task import Duration, Episode, sample_episode
+from pace_drake.task import Duration, Episode, HumanAction, sample_episode
 
 #: Unseen people: how many, and by how much the seed of their generation differs from that of the known ones.
 NUM_UNSEEN = 12
@@ -215,9 +215,7 @@ def load_people(scenario: Scenario, *, tracked: bool = False) -> People:
     demonstrations: list[list[Demonstration]] = []
     references: list[Demonstration | None] = []
     notes: set[str] = set()
-    # Made only where a single recording has nothing else to be compared with, and then once.
-    synthetic = cache(lambda: generate_demonstrations(seed=config.seed))
-    for name in names:
+    for name, action in zip(names, scenario.task.human_actions, strict=True):
         if name is None:
             demonstrations.append([])
             references.append(None)
@@ -225,8 +223,7 @@ def load_people(scenario: Scenario, *, tracked: bool = False) -> People:
         of_action = [d for d in recorded if d.action == name] or recorded
         reference, played = _reference_and_rest(of_action)
         if reference is None:
-            known = synthetic()
-            reference = known.reference(name) if name in known.actions else played[0]
+            reference = _reference_of(scenario, action) if name in _known(config.seed).actions else played[0]
             notes.add("compared with a SYNTHETIC reference, as the file holds one recording only")
         else:
             notes.add(f"reference of {reference.subject}, played: {', '.join(sorted({d.subject for d in played}))}")
@@ -265,13 +262,7 @@ def _synthetic(scenario: Scenario, names: list[str | None]) -> People:
             training.append([])
         elif name in synthetic.actions:
             trials = list(known.of(name))
-            reference = _reference(
-                config.seed,
-                name,
-                tuple(asdict(action.duration).items()),
-                tuple(asdict(scenario.estimator_of(name)).items()),
-                config.sample_period,
-            )
+            reference = _reference_of(scenario, action)
             references.append(reference)
             # One that all are compared with says nothing of how others fare.
             demonstrations.append([d for d in chosen.of(name) if d is not reference])
@@ -295,11 +286,18 @@ def _known(seed: int) -> DemonstrationSet:
     return generate_demonstrations(seed=seed)
 
 
+def _reference_of(scenario: Scenario, action: HumanAction) -> Demonstration:
+    """The synthetic people's reference of an action that they know."""
+    human, estimator = scenario.human, scenario.estimator_of(action.name)
+    settings = (tuple(asdict(one).items()) for one in (action.duration, estimator))
+    return _chosen_reference(human.seed, action.name, *settings, period=human.sample_period)
+
+
 @lru_cache(maxsize=64)
-def _reference(
+def _chosen_reference(
     seed: int, action: str, duration: tuple[tuple[str, Any], ...], estimator: tuple[tuple[str, Any], ...], period: float
 ) -> Demonstration:
-    """The reference of a known action; found once, as that takes half a second for a task."""
+    """Found once: for the actions of a task that takes half a second."""
     synthetic = _known(seed)
     training = synthetic.split("train").of(action)
     candidates = (synthetic.reference(action), *training)

@@ -62,6 +62,13 @@ def test_one_person_s_other_recordings_are_played(tmp_path):
     assert [d.trial for d in people.demonstrations[0]] == ["1", "3"]
 
 
+def test_a_single_recording_is_compared_with_the_synthetic_people_s_reference(tmp_path, chair):
+    people = people_of(tmp_path, recording("A", "1", 20))
+    assert "compared with a SYNTHETIC reference" in people.description
+    known = load_people(chair).references[0]
+    np.testing.assert_array_equal(people.references[0].p_WH, known.p_WH)
+
+
 def test_labels_choose_the_action(tmp_path):
     people = people_of(
         tmp_path,
