@@ -62,3 +62,43 @@ def test_a_hand_that_is_not_seen_is_no_sample(dut, references):
     seen = list(phases(np.concatenate([nowhere, query])))
     assert seen[:3] == [0.0, 0.0, 0.0]
     assert seen[3:] == list(phases(query))
+
+
+def test_it_is_idle_once_an_action_without_an_estimator_has_cleared_it(dut, references):
+    """So an action that comes again after such a one begins afresh."""
+    context = dut.CreateDefaultContext()
+
+    def take(action, sample):
+        dut.GetInputPort("human_action").FixValue(context, action)
+        dut.GetInputPort("p_WH").FixValue(context, sample)
+        return dut.take_sample(context)
+
+    for sample in references[0][:30]:
+        assert take(1.0, sample)
+    assert dut.GetOutputPort("phase").Eval(context)[0] > 0.2
+    dut.GetInputPort("human_action").FixValue(context, 2.0)
+    assert not dut.idle(context)
+    assert not take(2.0, references[0][30])
+    assert dut.idle(context)
+    dut.GetInputPort("human_action").FixValue(context, 1.0)
+    assert not dut.idle(context)
+    assert dut.GetOutputPort("phase").Eval(context)[0] == 0.0
+
+
+def test_a_sample_taken_in_place_is_that_of_an_update(dut, references):
+    forced = PhaseEstimator(dut._estimators, sample_period=0.1, periodic=False)
+    states = []
+    for in_place in (True, False):
+        context, values = forced.CreateDefaultContext(), forced.AllocateDiscreteVariables()
+        forced.GetInputPort("human_action").FixValue(context, 1.0)
+        for sample in references[0][:30]:
+            forced.GetInputPort("p_WH").FixValue(context, sample)
+            if in_place:
+                forced.take_sample(context)
+            else:
+                values.SetFrom(context.get_discrete_state())
+                forced.CalcForcedDiscreteVariableUpdate(context, values)
+                context.SetDiscreteState(values)
+        states.append(context.get_discrete_state_vector().value().copy())
+    assert np.array_equal(*states)
+    assert states[0].any()
