@@ -44,9 +44,7 @@ def choose_reference(
         period: [s] of the tracker.
     """
     lengths = duration.quantile(_FAST_AND_SLOW).tolist()
-    played = [
-        (d.subject, d.positions(_ticks(seconds, period), seconds), seconds) for d in training for seconds in lengths
-    ]
+    played = [(d.subject, _stretched(d, seconds, period), seconds) for d in training for seconds in lengths]
 
     def judged(candidate: Demonstration) -> float:
         others = [(hand, seconds) for subject, hand, seconds in played if subject != candidate.subject]
@@ -127,13 +125,13 @@ def calibrate(
     num_people = len({d.subject for d in (reference, *training)})
     if stretched:
         durations = action.duration.quantile(_CALIBRATED_AT)
-        hands = [d.positions(_ticks(t, period), t) for d in training for t in durations.tolist()]
+        hands = [_stretched(d, seconds, period) for d in training for seconds in durations.tolist()]
     else:
         hands = [d.resample(period).p_WH for d in training]
     phases = alignment.phases(hands, num_threads=2)
     return Calibration.fit(phases, reference.duration, period, num_people if num_people > 1 else None)
 
 
-def _ticks(seconds: float, period: float) -> np.ndarray:
-    """Times of the tracker's samples within a duration."""
-    return np.arange(int(seconds / period) + 1) * period
+def _stretched(trial: Demonstration, seconds: float, period: float) -> NDArray:
+    """A trial (m, 3) [m] as a tracker sees it when it takes another duration."""
+    return trial.positions(np.arange(int(seconds / period) + 1) * period, seconds)

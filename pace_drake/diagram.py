@@ -12,7 +12,6 @@ from pace_drake.lcm.link import Lcm
 from pace_drake.observation import OBSERVATION_SETS
 from pace_drake.people import People, load_people
 from pace_drake.policies import Policy, check_policy
-from pace_drake.policies.learned import LearnedPolicy
 from pace_drake.scenario import Scenario
 from pace_drake.stations.components import component_index, components, nominal_poses
 from pace_drake.stations.joint_paths import joint_paths
@@ -174,7 +173,7 @@ class Assembly(Diagram):
         self.phase_estimator: PhaseEstimator = add(
             PhaseEstimator(estimators, period, periodic=reaction_period is not None)
         )
-        if isinstance(policy, LearnedPolicy):
+        if policy is not None:
             policy.check_estimates(scenario, self.people, estimators)
         seen = scenario.observation if policy is None else policy.observation
         self.observation: Observation = add(Observation(seen))
@@ -403,6 +402,11 @@ class Assembly(Diagram):
         plant = self._plant_station()
         assert plant is not None
         plant.set_layout(context, layout)
+
+    def describe_loss(self, context: Context) -> str:
+        """One line that says what the gripper has lost, until that is acknowledged; empty where nothing is."""
+        monitor = self.grasp_monitor
+        return "" if monitor is None else monitor.describe(monitor.GetMyContextFromRoot(context))
 
     def refill_pile(self, context: Context) -> None:
         """Puts the cube that an update of ``robot_action`` now would fetch back into the pile, if it is not there."""

@@ -276,8 +276,7 @@ class Simulation:
                 if free < self.time:
                     who = "stopped, waiting for ack," if any(self._latched()) else "held by the hand"
                     self.truncation += f"; the robot was {who} for the last {self.time - free:.0f} s"
-                    grasp = self.assembly.grasp_monitor
-                    if grasp is not None and (lost := grasp.describe(grasp.GetMyContextFromRoot(self.context))):
+                    if lost := self.assembly.describe_loss(self.context):
                         self.truncation += f": {lost}"
                 return False
         self.truncation = f"after {limit} decisions"

@@ -391,18 +391,24 @@ def recorded(simulation, drive, episode, time=0.0):
     return rows
 
 
+def follow_the_clock(longest):
+    """Leads an episode to its end by steps of random length, up to ``longest`` [s]."""
+
+    def drive(simulation):
+        rng = np.random.default_rng(0)
+        while not simulation.finished:
+            simulation.keep_up(simulation.time + rng.uniform(0.001, longest))
+
+    return drive
+
+
 def test_what_keeps_up_with_a_clock_reacts_when_what_foretells_does(chair, chair_people):
     """To the bit, though one reacts a hundred times a second and the other at events only."""
     simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people), period=0.01)
     episode = simulation.sample_episode(np.random.default_rng(3))
 
-    def follow_the_clock(simulation):
-        rng = np.random.default_rng(0)
-        while not simulation.finished:
-            simulation.keep_up(simulation.time + rng.uniform(0.001, 0.03))
-
     foretold = recorded(simulation, lambda simulation: simulation.run(), episode, time=4.7)
-    followed = recorded(simulation, follow_the_clock, episode, time=4.7)
+    followed = recorded(simulation, follow_the_clock(0.03), episode, time=4.7)
     assert len(foretold) > 40
     assert foretold == followed
     reactions = np.array([time for time, kind, _ in foretold if kind == "reaction"])
@@ -415,13 +421,8 @@ def test_samples_do_not_wait_for_an_event_to_be_seen(chair, chair_people):
     simulation = Simulation(Assembly(chair, make_policy("phase_threshold", chair), people=chair_people), period=0.25)
     episode = simulation.sample_episode(np.random.default_rng(3))
 
-    def follow_the_clock(simulation):
-        rng = np.random.default_rng(0)
-        while not simulation.finished:
-            simulation.keep_up(simulation.time + rng.uniform(0.001, 0.3))
-
     foretold = sample_times(simulation, lambda simulation: simulation.run(), episode)
-    followed = sample_times(simulation, follow_the_clock, episode)
+    followed = sample_times(simulation, follow_the_clock(0.3), episode)
     assert len(foretold) > 300
     assert foretold == followed[: len(foretold)]
 

@@ -187,10 +187,10 @@ class Session:
     @property
     def trouble(self) -> str:
         """One line that says what is wrong; empty if nothing is."""
-        monitor, grasp = self.assembly.safety_monitor, self.assembly.grasp_monitor
+        monitor = self.assembly.safety_monitor
         if line := self.station.describe_trouble(self._context):
             return line
-        if grasp is not None and (line := grasp.describe(grasp.GetMyContextFromRoot(self._context))):
+        if line := self.assembly.describe_loss(self._context):
             return line
         if monitor is not None and monitor.latched(monitor.GetMyContextFromRoot(self._context)):
             return f"the hand was not seen for {self.scenario.safety.hand_timeout:g} s: look after the tracker"
@@ -199,8 +199,7 @@ class Session:
     # ---- telling
 
     def _tell_changes(self) -> None:
-        trouble, leaf, grasp = self.trouble, self.leaf, self.assembly.grasp_monitor
-        lost = grasp is not None and grasp.latched(grasp.GetMyContextFromRoot(self._context))
+        trouble, leaf, lost = self.trouble, self.leaf, bool(self.assembly.describe_loss(self._context))
         # The line itself may hold figures that change all the time.
         what = int(self.simulation.output("trouble")[0]), bool(trouble), lost
         if trouble and what != self._told[0]:

@@ -27,7 +27,6 @@ from pace_drake.observation import FUSED_SETS, OBSERVATION_SETS
 from pace_drake.people import NUM_UNSEEN, load_people
 from pace_drake.policies import Policy
 from pace_drake.policies.factory import make_policy
-from pace_drake.policies.learned import LearnedPolicy
 from pace_drake.processes import worker_processes
 from pace_drake.scenario import SYNTHETIC, Scenario
 
@@ -176,11 +175,15 @@ def evaluate_given(
     Raises:
         InputError: a learned policy was trained with another phase estimate.
     """
-    for policy in policies.values():
-        if isinstance(policy, LearnedPolicy):
-            meant = replace(scenario, observation=policy.observation)
-            people = load_people(meant)
-            policy.check_estimates(meant, people, people.estimators(meant))
+    people = load_people(scenario)
+    # All sets that the filter is in have the same estimators, and so have all others.
+    for fused in (False, True):
+        alike = [policy for policy in policies.values() if (policy.observation in FUSED_SETS) == fused]
+        if alike:
+            meant = replace(scenario, observation=alike[0].observation)
+            estimators = people.estimators(meant)
+            for policy in alike:
+                policy.check_estimates(meant, people, estimators)
     synthetic = scenario.human.demonstrations == SYNTHETIC
     observation = "history" if any(p.observation in FUSED_SETS for p in policies.values()) else scenario.observation
     players: dict[str, Player] = {name: partial(play, policy=policy) for name, policy in policies.items()}

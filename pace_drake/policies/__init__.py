@@ -1,11 +1,18 @@
 """Policies: whether to go and assist, given the observation. No Drake import."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pace_drake.errors import require
 from pace_drake.observation import check_observation
+
+if TYPE_CHECKING:
+    from pace_drake.dtw.estimator import Estimator
+    from pace_drake.people import People
+    from pace_drake.scenario import Scenario
 
 
 class Policy(ABC):
@@ -24,6 +31,18 @@ class Policy(ABC):
     def decide(self, observation: np.ndarray) -> int:
         """Decides for one observation (D,)."""
         return int(self.decide_all(np.asarray(observation)[np.newaxis])[0])
+
+    def check_estimates(self, scenario: "Scenario", people: "People", estimators: "Sequence[Estimator | None]") -> None:
+        """Refuses estimators by which the policy must not decide; one that remembers none takes any.
+
+        Args:
+            scenario, people: that it is used in.
+            estimators: those that ``people.estimators`` returned for them.
+
+        Raises:
+            InputError: it was made with estimators that say something else.
+        """
+        return
 
 
 def check_policy(policy: object) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pace_drake.observation import FUSED_SETS
+from pace_drake.scenario import SYNTHETIC
 
 if TYPE_CHECKING:
     from pace_drake.dtw.estimator import Estimator
@@ -120,7 +121,7 @@ def _inputs(scenario: "Scenario") -> str:
             if not action.joint
         },
         "estimator_file": digest(scenario.estimator_file),
-        "demonstrations": "" if human.demonstrations == "synthetic" else digest(human.demonstrations),
+        "demonstrations": "" if human.demonstrations == SYNTHETIC else digest(human.demonstrations),
         "seed": human.seed,
         "sample_period": human.sample_period,
     }

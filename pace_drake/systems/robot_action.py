@@ -359,10 +359,8 @@ class RobotAction(LeafSystem):
         if not state[_KIND]:
             return self._motions.motion(ActionKind.ROBOT_TASK, 1).gripper_width(0.0)
         motion = self._motion(state)
-        width, opening = (
-            motion.gripper_width(self._fraction(context)),
-            self._let_go if state[_BACK] else motion.hand_over,
-        )
+        width = motion.gripper_width(self._fraction(context))
+        opening = self._let_go if state[_BACK] else motion.hand_over
         return width if opening is None else max(width, self._opened(state, opening, context.get_time()))
 
     def _to_locate(self, context: Context) -> np.ndarray:

@@ -259,9 +259,9 @@ def test_a_hold_while_speeding_up_again_slows_down_from_there(chair, episode):
 class PacedBench(Bench):
     """Looks at ``speed_scale`` every 10 ms, as the Simulator does."""
 
-    def __init__(self, task, episode):
+    def __init__(self, task, episode, let_go=None):
         pacing = Pacing(period=0.01, look_ahead=0.2)
-        super().__init__(RobotAction(task, LineMotions(), 2, stop_time=0.4, pacing=pacing), episode)
+        super().__init__(RobotAction(task, LineMotions(), 2, stop_time=0.4, pacing=pacing, let_go=let_go), episode)
         self.dut.GetInputPort("position_measured").FixValue(self.context, np.full(7, 0.11))
         self.scale(1.0)
 
@@ -582,10 +582,8 @@ class LosingBench(PacedBench):
     """Sorts, and is told that it has lost what it fetched."""
 
     def __init__(self, task, episode):
-        pacing, let_go = Pacing(period=0.01, look_ahead=0.2), LetGo(speed=0.1, width=0.052)
-        dut = RobotAction(task, LineMotions(), 2, stop_time=0.4, pacing=pacing, let_go=let_go)
-        Bench.__init__(self, dut, episode)
-        self.put(position_measured=np.zeros(7), speed_scale=1.0, num_lost=0.0)
+        super().__init__(task, episode, LetGo(speed=0.1, width=0.052))
+        self.put(position_measured=np.zeros(7), num_lost=0.0)
 
     def lose(self, time, kind=ActionKind.ROBOT_TASK):
         """The chart faults, and issues the command again when the arm is at rest."""
